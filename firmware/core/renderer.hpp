@@ -1,0 +1,105 @@
+// Renders the force of the active local model each servo tick, and brings a newer model up to date in the background.
+//
+// Two slots hold models. The interrupt steps the active one. A model that arrives is decoded into the other slot with
+// its state at an earlier tick k0; the background replays the recorded tip path from k0 on through its contact and modes
+// until it has caught up with the servo tick, then offers it, and the next servo tick takes it over: neither the
+// link's delay nor the host's makes it stale (docs/architecture.md, "One pipeline").
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "palpate/LocalModel_1_0.h"
+#include "shared/contact/contact_state.hpp"
+#include "shared/model/local_model.hpp"
+#include "shared/model/modal_surface.hpp"
+#include "shared/status.hpp"
+
+namespace palpate::firmware {
+
+// Ticks of tip history kept for replay and for resending to the host; a power of two.
+inline constexpr std::uint32_t kTipHistory = 512;
+// Background work per servo tick while a model catches up, in surface-node evaluations (about 2,000 instructions each
+// at 96 modes): fixed, so that every board catches up in the same number of ticks.
+inline constexpr std::uint32_t kCatchUpWork = 24;
+
+// One servo tick as rendered; what the trace to the host and the record are made of.
+struct ServoSample {
+  Vec3f tip_m{};    // device frame
+  Vec3f force_N{};  // of the tip on the body, before limits
+  ContactMode mode = ContactMode::free;
+  std::uint8_t flags = 0;      // palpate.ServoSample FLAG_*
+  std::uint16_t triangle = 0;  // the body's own number
+  Vec3f barycentric{};
+};
+
+struct ModelReport {
+  std::uint32_t sequence = 0;
+  Status status = Status::ok;
+  std::uint32_t model_tick = 0;
+  std::uint32_t swap_tick = 0;
+};
+
+class Renderer {
+ public:
+  explicit Renderer(std::uint64_t schema_hash) : schema_hash_(schema_hash) {}
+
+  // Interrupt context, once per tick with tick increasing by one: steps the active model against the tip.
+  // Records the sample in the history. Without a usable model the force is zero.
+  ServoSample isr_tick(std::uint32_t tick, const Vec3f& tip_m);
+
+  // Background context. Decodes a serialized palpate.LocalModel.1.0 into the shadow slot and starts to catch up.
+  // Anything but Status::ok leaves the active model as it is. `report` is filled for the host whenever the status is
+  // final (not ok, or an older shadow superseded).
+  Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
+
+  // Background context, once per servo tick: replays the shadow for at most kCatchUpWork. Returns true when `report`
+  // was filled (the shadow was taken over, or dropped as too old).
+  bool catch_up(ModelReport& report);
+
+  // Any context: the sample of a tick, if the history still holds it.
+  bool sample(std::uint32_t tick, ServoSample& out) const;
+
+  // Interrupt context.
+  [[nodiscard]] std::uint32_t model_sequence() const;   // of the active model; 0: none
+  [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
+  [[nodiscard]] std::uint32_t catch_up_ticks() const;   // that the shadow lags behind; 0: none is catching up
+  // Forgets the models (outputs must be off): the next one starts afresh.
+  void isr_reset();
+
+ private:
+  struct Slot {
+    palpate_LocalModel_1_0 message{};
+    LocalModelView view{};
+    ModalState state{};
+    ModalSurface surface{};
+    ContactState<float> contact{};
+    ContactLaw<float> law{};
+    Vec3f previous_tip_m{};  // relative to the model's origin
+    std::uint32_t tick = 0;  // state and contact are those at the end of this tick
+    std::uint32_t model_tick = 0;
+    std::uint32_t sequence = 0;
+    std::uint32_t valid_ticks = 0;
+  };
+  enum class Shadow : std::uint8_t { empty, catching_up, offered };
+
+  static void step(Slot& slot, const Vec3f& tip_m);
+
+  std::uint64_t schema_hash_;
+  std::array<Slot, 2> slots_{};
+  // Written by the interrupt when it takes a slot over, read by the background.
+  std::atomic<std::uint32_t> active_{0};
+  std::atomic<bool> have_model_{false};
+  // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the slot.
+  std::atomic<std::uint32_t> offered_{0};
+  Shadow shadow_ = Shadow::empty;  // background's own view
+  std::array<ServoSample, kTipHistory> history_{};
+  std::atomic<std::uint32_t> last_tick_{0};  // newest tick in history_
+  std::atomic<std::uint32_t> ticks_recorded_{0};
+  std::atomic<std::uint32_t> swap_tick_{0};
+};
+
+}  // namespace palpate::firmware

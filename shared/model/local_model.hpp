@@ -1,0 +1,45 @@
+// The local model that the microcontroller renders: independent second-order modes, stepped exactly at the servo rate,
+// and a map from modes to the surface nodes around the tip (design: docs/architecture.md, "Local model").
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "shared/math/linear.hpp"
+#include "shared/status.hpp"
+
+namespace palpate {
+
+// Fixed capacities; they equal the array bounds of palpate.LocalModel.1.0 (checked in shared/wire).
+inline constexpr std::size_t kMaxModes = 192;  // 64 nodes in 3D: the paper's 4x4x4 patch
+inline constexpr std::size_t kMaxSurfaceNodes = 32;
+inline constexpr std::size_t kMaxTriangles = 96;
+inline constexpr std::size_t kMaxBasis = 9216;  // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
+inline constexpr std::size_t kCoefficientsPerMode = 6;  // a11 a12 a21 a22 b1 b2
+
+// The constant part of a local model, wherever it is stored. Positions in the device frame minus origin_m.
+struct LocalModelView {
+  std::size_t modes = 0;
+  std::size_t nodes = 0;
+  std::size_t triangles = 0;
+  Vec3f origin_m{};
+  const float* position_m = nullptr;           // nodes x 3, at q = 0
+  const std::uint8_t* corner = nullptr;        // triangles x 3, node indices, counter-clockwise seen from outside
+  const std::uint16_t* triangle_id = nullptr;  // triangles; the body's own numbers
+  const float* coefficient = nullptr;          // modes x 6: A - I row by row, then B (position, velocity) per modal force
+  const float* load = nullptr;                 // modes; constant modal force
+  const float* basis_scale = nullptr;          // modes
+  const std::int16_t* basis = nullptr;         // (3 nodes) x modes
+};
+
+// The part that changes from tick to tick.
+struct ModalState {
+  std::array<float, kMaxModes> q{};  // modal positions
+  std::array<float, kMaxModes> p{};  // modal velocities
+};
+
+// Checks counts against the capacities, indices against counts, and every number for NaN and infinity.
+Status check(const LocalModelView& model, const ModalState& state);
+
+}  // namespace palpate
