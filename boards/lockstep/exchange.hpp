@@ -1,7 +1,8 @@
-// The one exchange per servo tick between an emulated board and the plant (docs/architecture.md, "Lock-step").
-// In each tick the firmware first reads SensorFrame k, computes, and writes ActuatorFrame k: virtual time stands still
-// while the plant computes. Both are plain little-endian structs over a pair of byte streams (FIFOs); every payload,
-// the link's bytes included, travels inside them, which is what makes a run repeatable to the bit.
+// The one exchange per servo tick between an emulated board and the plant (docs/architecture.md,
+// "Lock-step"). In each tick the firmware first reads SensorFrame k, computes, and writes ActuatorFrame k:
+// virtual time stands still while the plant computes. Both are plain little-endian structs over a pair of
+// byte streams (FIFOs); every payload, the link's bytes included, travels inside them, which is what makes a
+// run repeatable to the bit.
 #pragma once
 
 #include <array>
@@ -44,17 +45,19 @@ struct ActuatorFrame {
   std::uint32_t contact_mode;
   std::uint32_t triangle;
   std::array<float, 3> barycentric;
-  std::uint32_t mode;    // palpate.BoardStatus MODE_*
-  std::uint32_t faults;  // bits of palpate::firmware::Fault
+  std::uint32_t mode;            // palpate.BoardStatus MODE_*
+  std::uint32_t faults;          // bits of palpate::firmware::Fault
   std::uint32_t model_sequence;  // of the active model; 0: none
   std::uint32_t model_age_ticks;
-  std::uint32_t catch_up_ticks;        // ticks that the shadow model still lags behind; 0: none is catching up
-  std::uint32_t missed_deadlines;      // so far
-  std::uint32_t background_overruns;   // ticks so far in which the background work was not done when the next began
-  std::uint32_t tick_count;            // length of the previous servo tick (interrupt entry to exit), counts of clock_Hz
-  std::uint32_t busy_count;            // previous tick, servo and background together, likewise
-  std::uint32_t clock_Hz;              // 0 where the board has no such clock
-  std::uint32_t link_length;           // valid bytes in link
+  std::uint32_t catch_up_ticks;    // ticks that the shadow model still lags behind; 0: none is catching up
+  std::uint32_t missed_deadlines;  // so far
+  std::uint32_t
+      background_overruns;  // ticks so far in which the background work was not done when the next began
+  std::uint32_t
+      tick_count;  // length of the previous servo tick (interrupt entry to exit), counts of clock_Hz
+  std::uint32_t busy_count;   // previous tick, servo and background together, likewise
+  std::uint32_t clock_Hz;     // 0 where the board has no such clock
+  std::uint32_t link_length;  // valid bytes in link
   std::array<std::uint8_t, kLinkBytesPerTick> link;
 };
 

@@ -1,9 +1,11 @@
-// Renders the force of the active local model each servo tick, and brings a newer model up to date in the background.
+// Renders the force of the active local model each servo tick, and brings a newer model up to date in the
+// background.
 //
-// Two slots hold models. The interrupt steps the active one. A model that arrives is decoded into the other slot with
-// its state at an earlier tick k0; the background replays the recorded tip path from k0 on through its contact and modes
-// until it has caught up with the servo tick, then offers it, and the next servo tick takes it over: neither the
-// link's delay nor the host's makes it stale (docs/architecture.md, "One pipeline").
+// Two slots hold models. The interrupt steps the active one. A model that arrives is decoded into the other
+// slot with its state at an earlier tick k0; the background replays the recorded tip path from k0 on through
+// its contact and modes until it has caught up with the servo tick, then offers it, and the next servo tick
+// takes it over: neither the link's delay nor the host's makes it stale (docs/architecture.md, "One
+// pipeline").
 #pragma once
 
 #include <array>
@@ -22,8 +24,8 @@ namespace palpate::firmware {
 
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
 inline constexpr std::uint32_t kTipHistory = 512;
-// Background work per servo tick while a model catches up, in surface-node evaluations (about 2,000 instructions each
-// at 96 modes): fixed, so that every board catches up in the same number of ticks.
+// Background work per servo tick while a model catches up, in surface-node evaluations (about 2,000
+// instructions each at 96 modes): fixed, so that every board catches up in the same number of ticks.
 inline constexpr std::uint32_t kCatchUpWork = 24;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
@@ -51,13 +53,13 @@ class Renderer {
   // Records the sample in the history. Without a usable model the force is zero.
   ServoSample isr_tick(std::uint32_t tick, const Vec3f& tip_m);
 
-  // Background context. Decodes a serialized palpate.LocalModel.1.0 into the shadow slot and starts to catch up.
-  // Anything but Status::ok leaves the active model as it is. `report` is filled for the host whenever the status is
-  // final (not ok, or an older shadow superseded).
+  // Background context. Decodes a serialized palpate.LocalModel.1.0 into the shadow slot and starts to catch
+  // up. Anything but Status::ok leaves the active model as it is. `report` is filled for the host whenever
+  // the status is final (not ok, or an older shadow superseded).
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 
-  // Background context, once per servo tick: replays the shadow for at most kCatchUpWork. Returns true when `report`
-  // was filled (the shadow was taken over, or dropped as too old).
+  // Background context, once per servo tick: replays the shadow for at most kCatchUpWork. Returns true when
+  // `report` was filled (the shadow was taken over, or dropped as too old).
   bool catch_up(ModelReport& report);
 
   // Any context: the sample of a tick, if the history still holds it.
@@ -93,7 +95,8 @@ class Renderer {
   // Written by the interrupt when it takes a slot over, read by the background.
   std::atomic<std::uint32_t> active_{0};
   std::atomic<bool> have_model_{false};
-  // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the slot.
+  // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the
+  // slot.
   std::atomic<std::uint32_t> offered_{0};
   Shadow shadow_ = Shadow::empty;  // background's own view
   std::array<ServoSample, kTipHistory> history_{};

@@ -13,11 +13,12 @@ enum class ContactMode : std::uint8_t { free = 0, stick = 1, slip = 2 };
 template <class Real>
 struct ContactState {
   ContactMode mode = ContactMode::free;
-  std::uint32_t triangle = 0;      // index in the surface; only with mode != free
-  Vec3<Real> barycentric{};        // contact point on it; weights of its corners, sum 1
-  Vec3<Real> force_N{};            // of the tip on the body during the last step
-  bool outside = false;            // mode == free: the tip has been seen outside, so crossing the surface is a collision
-  bool at_border = false;          // the contact point was held at the border of the surface known here
+  std::uint32_t triangle = 0;  // index in the surface; only with mode != free
+  Vec3<Real> barycentric{};    // contact point on it; weights of its corners, sum 1
+  Vec3<Real> force_N{};        // of the tip on the body during the last step
+  bool outside =
+      false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
+  bool at_border = false;  // the contact point was held at the border of the surface known here
 };
 
 // Friction of the contact: static_friction >= kinetic_friction >= 0. tip_radius_m >= 0.

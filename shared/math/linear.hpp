@@ -20,18 +20,30 @@ struct Vec3 {
 };
 
 template <class Real>
-constexpr Vec3<Real> operator+(Vec3<Real> a, const Vec3<Real>& b) { return a += b; }
+constexpr Vec3<Real> operator+(Vec3<Real> a, const Vec3<Real>& b) {
+  return a += b;
+}
 template <class Real>
-constexpr Vec3<Real> operator-(Vec3<Real> a, const Vec3<Real>& b) { return a -= b; }
+constexpr Vec3<Real> operator-(Vec3<Real> a, const Vec3<Real>& b) {
+  return a -= b;
+}
 template <class Real>
-constexpr Vec3<Real> operator-(const Vec3<Real>& a) { return {-a.x, -a.y, -a.z}; }
+constexpr Vec3<Real> operator-(const Vec3<Real>& a) {
+  return {-a.x, -a.y, -a.z};
+}
 template <class Real>
-constexpr Vec3<Real> operator*(Vec3<Real> a, Real s) { return a *= s; }
+constexpr Vec3<Real> operator*(Vec3<Real> a, Real s) {
+  return a *= s;
+}
 template <class Real>
-constexpr Vec3<Real> operator*(Real s, Vec3<Real> a) { return a *= s; }
+constexpr Vec3<Real> operator*(Real s, Vec3<Real> a) {
+  return a *= s;
+}
 
 template <class Real>
-constexpr Real dot(const Vec3<Real>& a, const Vec3<Real>& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+constexpr Real dot(const Vec3<Real>& a, const Vec3<Real>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 
 template <class Real>
 constexpr Vec3<Real> cross(const Vec3<Real>& a, const Vec3<Real>& b) {
@@ -40,7 +52,9 @@ constexpr Vec3<Real> cross(const Vec3<Real>& a, const Vec3<Real>& b) {
 
 // std::sqrt is correctly rounded on every target (IEEE 754), so norms are the same bits everywhere.
 template <class Real>
-inline Real norm(const Vec3<Real>& a) { return std::sqrt(dot(a, a)); }
+inline Real norm(const Vec3<Real>& a) {
+  return std::sqrt(dot(a, a));
+}
 
 // a / |a|; the zero vector where |a| is not above the smallest length that still has a direction.
 template <class Real>
@@ -51,7 +65,9 @@ inline Vec3<Real> normalized(const Vec3<Real>& a) {
 }
 
 template <class Real>
-inline bool is_finite(const Vec3<Real>& a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
+inline bool is_finite(const Vec3<Real>& a) {
+  return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
+}
 
 // A 3x3 matrix, row by row.
 template <class Real>
@@ -74,7 +90,9 @@ constexpr Mat3<Real> transpose(const Mat3<Real>& a) {
 }
 
 template <class Real>
-constexpr Real determinant(const Mat3<Real>& a) { return dot(a.row[0], cross(a.row[1], a.row[2])); }
+constexpr Real determinant(const Mat3<Real>& a) {
+  return dot(a.row[0], cross(a.row[1], a.row[2]));
+}
 
 // Solves a x = b by Cramer's rule. Returns false, and leaves x alone, where |det a| <= smallest_determinant.
 template <class Real>

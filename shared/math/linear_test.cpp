@@ -28,7 +28,9 @@ TEST(Linear, SolveRefusesSingularMatrix) {
   EXPECT_EQ(x, (Vec3d{7, 8, 9}));
 }
 
-TEST(Linear, NormalizedZeroIsZero) { EXPECT_EQ(normalized(Vec3f{}), Vec3f{}); }
+TEST(Linear, NormalizedZeroIsZero) {
+  EXPECT_EQ(normalized(Vec3f{}), Vec3f{});
+}
 
 TEST(Linear, DeterminantOfTransposeIsTheSame) {
   const Mat3d a{{{1, 2, 3}, {-2, 4, 6}, {5, 0, 1}}};

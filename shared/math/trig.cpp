@@ -12,7 +12,8 @@ SinCos sin_cos(float angle_rad) {
   }
   // pi/2 split in three parts with few enough bits that quadrant * part is exact for the range above.
   constexpr float kTwoOverPi = 0.636619772f;
-  constexpr float kHalfPi1 = 1.5703125f, kHalfPi2 = 4.837512969970703125e-4f, kHalfPi3 = 7.549789948768648e-8f;
+  constexpr float kHalfPi1 = 1.5703125f, kHalfPi2 = 4.837512969970703125e-4f,
+                  kHalfPi3 = 7.549789948768648e-8f;
   const float scaled = angle_rad * kTwoOverPi;
   const auto quadrant = static_cast<std::int32_t>(scaled + (scaled >= 0.0f ? 0.5f : -0.5f));
   const float count = static_cast<float>(quadrant);
@@ -21,12 +22,17 @@ SinCos sin_cos(float angle_rad) {
   // Minimax polynomials on [-pi/4, pi/4] (Cephes sinf/cosf coefficients).
   const float sine = r + r * s * (-1.6666654611e-1f + s * (8.3321608736e-3f + s * -1.9515295891e-4f));
   const float cosine =
-      1.0f - 0.5f * s + s * s * (4.166664568298827e-2f + s * (-1.388731625493765e-3f + s * 2.443315711809948e-5f));
+      1.0f - 0.5f * s +
+      s * s * (4.166664568298827e-2f + s * (-1.388731625493765e-3f + s * 2.443315711809948e-5f));
   switch (static_cast<std::uint32_t>(quadrant) & 3u) {
-    case 0: return {sine, cosine};
-    case 1: return {cosine, -sine};
-    case 2: return {-sine, -cosine};
-    default: return {-cosine, sine};
+    case 0:
+      return {sine, cosine};
+    case 1:
+      return {cosine, -sine};
+    case 2:
+      return {-sine, -cosine};
+    default:
+      return {-cosine, sine};
   }
 }
 

@@ -1,4 +1,5 @@
-// Sine and cosine in single precision with our own polynomials: libm differs between platforms, these bits do not.
+// Sine and cosine in single precision with our own polynomials: libm differs between platforms, these bits do
+// not.
 #pragma once
 
 namespace palpate {

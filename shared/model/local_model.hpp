@@ -1,5 +1,6 @@
-// The local model that the microcontroller renders: independent second-order modes, stepped exactly at the servo rate,
-// and a map from modes to the surface nodes around the tip (design: docs/architecture.md, "Local model").
+// The local model that the microcontroller renders: independent second-order modes, stepped exactly at the
+// servo rate, and a map from modes to the surface nodes around the tip (design: docs/architecture.md, "Local
+// model").
 #pragma once
 
 #include <array>
@@ -24,13 +25,14 @@ struct LocalModelView {
   std::size_t nodes = 0;
   std::size_t triangles = 0;
   Vec3f origin_m{};
-  const float* position_m = nullptr;           // nodes x 3, at q = 0
-  const std::uint8_t* corner = nullptr;        // triangles x 3, node indices, counter-clockwise seen from outside
+  const float* position_m = nullptr;     // nodes x 3, at q = 0
+  const std::uint8_t* corner = nullptr;  // triangles x 3, node indices, counter-clockwise seen from outside
   const std::uint16_t* triangle_id = nullptr;  // triangles; the body's own numbers
-  const float* coefficient = nullptr;          // modes x 6: A - I row by row, then B (position, velocity) per modal force
-  const float* load = nullptr;                 // modes; constant modal force
-  const float* basis_scale = nullptr;          // modes
-  const std::int16_t* basis = nullptr;         // (3 nodes) x modes
+  const float* coefficient =
+      nullptr;                  // modes x 6: A - I row by row, then B (position, velocity) per modal force
+  const float* load = nullptr;  // modes; constant modal force
+  const float* basis_scale = nullptr;   // modes
+  const std::int16_t* basis = nullptr;  // (3 nodes) x modes
 };
 
 // The part that changes from tick to tick.

@@ -1,0 +1,212 @@
+#include "shared/contact/contact.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+namespace palpate {
+namespace {
+
+// A square grid of equal masses, each tied to its rest position: the simplest surface with dynamics of its
+// own. Semi-implicit Euler, so that a force moves a node by step^2 / mass within the step.
+class Bed {
+ public:
+  using Real = double;
+  static constexpr double kTargetExtrapolation = 0.0;
+  static constexpr double kStep_s = 1e-4, kMass_kg = 1e-3, kStiffness_N_m = 300.0, kDamping_N_s_m = 0.5;
+  static constexpr double kSpacing_m = 0.01;
+  static constexpr std::uint32_t kSide = 6;
+
+  Bed() : rest_(kSide * kSide), now_(kSide * kSide), before_(kSide * kSide), velocity_(kSide * kSide) {
+    for (std::uint32_t j = 0; j < kSide; ++j)
+      for (std::uint32_t i = 0; i < kSide; ++i) rest_[j * kSide + i] = {i * kSpacing_m, j * kSpacing_m, 0.0};
+    now_ = before_ = rest_;
+    for (std::uint32_t j = 0; j + 1 < kSide; ++j)
+      for (std::uint32_t i = 0; i + 1 < kSide; ++i) {
+        const std::uint32_t a = j * kSide + i;
+        triangles_.push_back({a, a + 1, a + kSide + 1});
+        triangles_.push_back({a, a + kSide + 1, a + kSide});
+      }
+  }
+
+  std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(triangles_.size()); }
+  std::array<std::uint32_t, 3> corners(std::uint32_t t) const { return triangles_[t]; }
+  std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {
+    const std::uint32_t start = triangles_[t][(c + 1) % 3], end = triangles_[t][(c + 2) % 3];
+    for (std::uint32_t other = 0; other < triangles_.size(); ++other)
+      for (std::uint32_t k = 0; k < 3; ++k)
+        if (triangles_[other][k] == end && triangles_[other][(k + 1) % 3] == start)
+          return static_cast<std::int32_t>(other);
+    return kNoTriangle;
+  }
+  bool is_near(const Vec3d&, const Vec3d&) { return true; }
+  bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&) const { return true; }
+  Vec3d position(std::uint32_t n) { return now_[n]; }
+  Vec3d position_before(std::uint32_t n) { return before_[n]; }
+  void advance() {
+    before_ = now_;
+    for (std::size_t n = 0; n < now_.size(); ++n) {
+      const Vec3d force = (rest_[n] - now_[n]) * kStiffness_N_m - velocity_[n] * kDamping_N_s_m;
+      velocity_[n] += force * (kStep_s / kMass_kg);
+      now_[n] += velocity_[n] * kStep_s;
+    }
+  }
+  PointResponse<double> respond(std::uint32_t t, const Vec3d& b) {
+    const auto& c = triangles_[t];
+    return {now_[c[0]] * b.x + now_[c[1]] * b.y + now_[c[2]] * b.z,
+            Mat3d::identity(dot(b, b) * kStep_s * kStep_s / kMass_kg)};
+  }
+  void apply(std::uint32_t t, const Vec3d& b, const Vec3d& force) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      velocity_[triangles_[t][k]] += force * (b[k] * kStep_s / kMass_kg);
+      now_[triangles_[t][k]] += force * (b[k] * kStep_s * kStep_s / kMass_kg);
+    }
+  }
+  Vec3d contact_point(const ContactState<double>& s) {
+    const auto& c = triangles_[s.triangle];
+    return now_[c[0]] * s.barycentric.x + now_[c[1]] * s.barycentric.y + now_[c[2]] * s.barycentric.z;
+  }
+
+ private:
+  std::vector<Vec3d> rest_, now_, before_, velocity_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+};
+static_assert(ContactSurface<Bed>);
+
+// Moves the tip in a straight line during `duration_s`, calling after each step.
+template <class After>
+Vec3d move(Bed& bed, ContactState<double>& state, const ContactLaw<double>& law, Vec3d from, Vec3d to,
+           double duration_s, After after) {
+  const int steps = static_cast<int>(std::lround(duration_s / Bed::kStep_s));
+  Vec3d tip = from;
+  for (int i = 1; i <= steps; ++i) {
+    const Vec3d next = from + (to - from) * (static_cast<double>(i) / steps);
+    step_contact(bed, state, law, tip, next);
+    tip = next;
+    after(tip);
+  }
+  return tip;
+}
+
+constexpr auto kNothing = [](const Vec3d&) {};
+
+TEST(Contact, NoForceBeforeTheSurfaceIsReached) {
+  Bed bed;
+  ContactState<double> state;
+  move(bed, state, {1, 1, 0}, {0.021, 0.023, 0.02}, {0.021, 0.023, 0.0001}, 0.2,
+       [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
+}
+
+TEST(Contact, PressingSticksWhereTheSurfaceWasMet) {
+  Bed bed;
+  ContactState<double> state;
+  const Vec3d tip = move(bed, state, {1, 1, 0}, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.5, kNothing);
+  const Vec3d held = move(bed, state, {1, 1, 0}, tip, tip, 0.5, kNothing);
+  ASSERT_EQ(state.mode, ContactMode::stick);
+  EXPECT_LT(norm(bed.contact_point(state) - held), 1e-9);
+  // Static force: three springs of the corners, displaced as the bary-weighted point demands: k / sum(b^2) *
+  // depth.
+  const double stiffness = Bed::kStiffness_N_m / dot(state.barycentric, state.barycentric);
+  EXPECT_NEAR(-state.force_N.z, stiffness * 0.002, 1e-3 * stiffness * 0.002);
+}
+
+TEST(Contact, ATipWithRadiusTouchesEarlier) {
+  Bed bed;
+  ContactState<double> state;
+  constexpr double kRadius_m = 0.004;
+  double touched_at_m = -1;
+  move(bed, state, {1, 1, kRadius_m}, {0.021, 0.023, 0.01}, {0.021, 0.023, 0.002}, 0.5,
+       [&](const Vec3d& tip) {
+         if (state.mode != ContactMode::free && touched_at_m < 0) touched_at_m = tip.z;
+       });
+  EXPECT_NEAR(touched_at_m, kRadius_m, 1e-5);
+}
+
+TEST(Contact, DragWithFrictionKeepsTheConeAndCrossesTriangles) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law{0.5, 0.5, 0};
+  Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
+  int slipping = 0;
+  std::uint32_t first = state.triangle, changes = 0, last = first;
+  move(bed, state, law, tip, {0.042, 0.024, -0.001}, 1.0, [&](const Vec3d&) {
+    const double fn =
+        -state.force_N.z;  // the bed's triangles tilt little: the cone is checked along each normal below
+    EXPECT_GE(fn, -1e-12);
+    slipping += state.mode == ContactMode::slip;
+    changes += state.triangle != last;
+    last = state.triangle;
+  });
+  EXPECT_GT(slipping, 5000);
+  EXPECT_GE(changes, 4u);
+}
+
+TEST(Contact, FrictionlessDragHasNoTangentialForce) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law{0, 0, 0};
+  Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
+  move(bed, state, law, tip, {0.042, 0.023, -0.001}, 1.0, [&](const Vec3d&) {
+    if (state.mode == ContactMode::free) return;
+    EXPECT_EQ(state.mode, ContactMode::slip);
+    const auto corner = bed.corners(state.triangle);
+    (void)corner;
+    EXPECT_LE(std::hypot(state.force_N.x, state.force_N.y),
+              0.2 * std::abs(state.force_N.z));  // tilt of a triangle
+  });
+}
+
+TEST(Contact, PullingAwaySeparatesAndTouchesAgain) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law{1, 1, 0};
+  Vec3d tip = move(bed, state, law, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.3, kNothing);
+  EXPECT_NE(state.mode, ContactMode::free);
+  tip = move(bed, state, law, tip, {0.021, 0.023, 0.01}, 0.3,
+             [&](const Vec3d&) { EXPECT_LE(state.force_N.z, 0.0); });  // never pulls
+  EXPECT_EQ(state.mode, ContactMode::free);
+  move(bed, state, law, tip, {0.021, 0.023, -0.002}, 0.3, kNothing);
+  EXPECT_EQ(state.mode, ContactMode::stick);
+}
+
+TEST(Contact, AFastTipDoesNotTunnel) {
+  Bed bed;
+  ContactState<double> state;
+  // 5 m/s: half a millimetre a step here, and once in a single step of 2 cm.
+  step_contact(bed, state, {1, 1, 0}, Vec3d{0.021, 0.023, 0.01}, Vec3d{0.022, 0.023, -0.01});
+  EXPECT_EQ(state.mode, ContactMode::stick);
+  EXPECT_GT(-state.force_N.z, 0.0);
+}
+
+TEST(Contact, BesideTheSurfaceThereIsNoContact) {
+  Bed bed;
+  ContactState<double> state;
+  move(bed, state, {1, 1, 0}, {-0.005, 0.023, 0.01}, {-0.005, 0.023, -0.01}, 0.2,
+       [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
+}
+
+TEST(Contact, ATipThatStartsInsideIsLeftAloneUntilItHasBeenOutside) {
+  Bed bed;
+  ContactState<double> state;
+  Vec3d tip = move(bed, state, {1, 1, 0}, {0.021, 0.023, -0.003}, {0.021, 0.023, 0.003}, 0.2,
+                   [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
+  move(bed, state, {1, 1, 0}, tip, {0.021, 0.023, -0.003}, 0.2, kNothing);
+  EXPECT_EQ(state.mode, ContactMode::stick);
+}
+
+TEST(Contact, CollisionTimeIsFoundWithinTheStep) {
+  Bed bed;
+  ContactState<double> state;
+  // The tip moves sideways while it falls: where it crosses z = 0 tells the time of collision.
+  step_contact(bed, state, {10, 10, 0}, Vec3d{0.021, 0.023, 0.001}, Vec3d{0.025, 0.023, -0.003});
+  ASSERT_NE(state.mode, ContactMode::free);
+  const auto corner = bed.corners(state.triangle);
+  const double x = bed.position_before(corner[0]).x * state.barycentric.x +
+                   bed.position_before(corner[1]).x * state.barycentric.y +
+                   bed.position_before(corner[2]).x * state.barycentric.z;
+  EXPECT_NEAR(x, 0.022, 0.004 / 256);  // a quarter of the way, to the resolution of eight halvings
+}
+
+}  // namespace
+}  // namespace palpate

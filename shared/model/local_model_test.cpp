@@ -1,0 +1,59 @@
+#include "shared/model/local_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "shared/model/test_model.hpp"
+
+namespace palpate {
+namespace {
+
+class LocalModelCheck : public ::testing::Test {
+ protected:
+  test::TestModel model_{1e-3, 50, 1500, 1.0};
+};
+
+TEST_F(LocalModelCheck, AcceptsAGoodModel) {
+  EXPECT_EQ(check(model_.view, model_.state), Status::ok);
+}
+
+TEST_F(LocalModelCheck, RefusesWhatDoesNotFit) {
+  auto view = model_.view;
+  view.modes = kMaxModes + 1;
+  EXPECT_EQ(check(view, model_.state), Status::model_too_large);
+  view = model_.view;
+  view.nodes = kMaxSurfaceNodes + 1;
+  EXPECT_EQ(check(view, model_.state), Status::model_too_large);
+  view = model_.view;
+  view.triangles = kMaxTriangles + 1;
+  EXPECT_EQ(check(view, model_.state), Status::model_too_large);
+  view = model_.view;
+  view.nodes = 32;
+  view.modes = 192;  // each within its bound, the basis is not
+  EXPECT_EQ(check(view, model_.state), Status::model_too_large);
+}
+
+TEST_F(LocalModelCheck, RefusesEmptyAndBadIndices) {
+  auto view = model_.view;
+  view.modes = 0;
+  EXPECT_EQ(check(view, model_.state), Status::model_inconsistent);
+  model_.corner[4] = 4;
+  EXPECT_EQ(check(model_.view, model_.state), Status::model_inconsistent);
+}
+
+TEST_F(LocalModelCheck, RefusesNanAnywhere) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  for (float* value : {&model_.position_m[5], &model_.coefficient[70], &model_.load[11], &model_.scale[0],
+                       &model_.state.q[3], &model_.state.p[11]}) {
+    const float before = *value;
+    *value = kNan;
+    EXPECT_EQ(check(model_.view, model_.state), Status::model_not_finite);
+    *value = std::numeric_limits<float>::infinity();
+    EXPECT_EQ(check(model_.view, model_.state), Status::model_not_finite);
+    *value = before;
+  }
+}
+
+}  // namespace
+}  // namespace palpate

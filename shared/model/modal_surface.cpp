@@ -1,0 +1,139 @@
+#include "shared/model/modal_surface.hpp"
+
+#include <cmath>
+
+namespace palpate {
+
+void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
+  model_ = model;
+  state_ = &state;
+  now_valid_ = 0;
+  evaluations_ = 0;
+  for (std::size_t m = 0; m < model.modes; ++m) scaled_q_[m] = model.basis_scale[m] * state.q[m];
+
+  // The neighbour across the edge opposite to corner c shares the two other corners, in reverse order.
+  for (std::uint32_t t = 0; t < model.triangles; ++t) {
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      const std::uint8_t* mine = model.corner + 3 * t;
+      const std::uint8_t start = mine[(c + 1) % 3], end = mine[(c + 2) % 3];
+      std::int8_t found = static_cast<std::int8_t>(kNoTriangle);
+      for (std::uint32_t other = 0; other < model.triangles; ++other) {
+        const std::uint8_t* theirs = model.corner + 3 * other;
+        for (std::uint32_t k = 0; k < 3; ++k)
+          if (theirs[k] == end && theirs[(k + 1) % 3] == start) found = static_cast<std::int8_t>(other);
+      }
+      neighbour_[t][c] = found;
+    }
+  }
+
+  centre_m_ = {};
+  for (std::size_t n = 0; n < model.nodes; ++n) {
+    const float* x = model.position_m + 3 * n;
+    centre_m_ += Vec3f{x[0], x[1], x[2]};
+  }
+  if (model.nodes > 0) centre_m_ *= 1.0f / static_cast<float>(model.nodes);
+  reach_m_ = 0.0f;
+  for (std::size_t n = 0; n < model.nodes; ++n) {
+    const float* x = model.position_m + 3 * n;
+    const float distance = norm(Vec3f{x[0], x[1], x[2]} - centre_m_);
+    if (distance > reach_m_) reach_m_ = distance;
+  }
+  // Nodes move by less than the patch's own radius while a model is valid.
+  reach_m_ *= 2.0f;
+}
+
+bool ModalSurface::is_near(const Vec3f& from, const Vec3f& to) {
+  const float travel = norm(to - from);
+  if (norm(to - centre_m_) > reach_m_ + travel) return false;
+  for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
+  return true;
+}
+
+Vec3f ModalSurface::position(std::uint32_t node) {
+  if ((now_valid_ >> node & 1u) == 0u) {
+    const float* rest = model_.position_m + 3 * node;
+    Vec3f x{rest[0], rest[1], rest[2]};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::int16_t* row = model_.basis + (3 * node + axis) * model_.modes;
+      // Two sums hide the latency of the multiplier; the order is fixed, so the bits are the same everywhere.
+      float even = 0.0f, odd = 0.0f;
+      std::size_t m = 0;
+      for (; m + 1 < model_.modes; m += 2) {
+        even += static_cast<float>(row[m]) * scaled_q_[m];
+        odd += static_cast<float>(row[m + 1]) * scaled_q_[m + 1];
+      }
+      if (m < model_.modes) even += static_cast<float>(row[m]) * scaled_q_[m];
+      x[axis] += even + odd;
+    }
+    now_[node] = x;
+    now_valid_ |= 1u << node;
+    ++evaluations_;
+  }
+  return now_[node];
+}
+
+void ModalSurface::advance() {
+  before_ = now_;
+  now_valid_ = 0;
+  for (std::size_t m = 0; m < model_.modes; ++m) {
+    const float* c = model_.coefficient + kCoefficientsPerMode * m;
+    const float q = state_->q[m], p = state_->p[m], u = model_.load[m];
+    const float next_q = q + (c[0] * q + c[1] * p + c[4] * u);
+    state_->p[m] = p + (c[2] * q + c[3] * p + c[5] * u);
+    state_->q[m] = next_q;
+    scaled_q_[m] = model_.basis_scale[m] * next_q;
+  }
+}
+
+PointResponse<float> ModalSurface::respond(std::uint32_t triangle, const Vec3f& barycentric) {
+  constexpr float kLead_s = kTargetExtrapolation * kTick_s;
+  const auto corner = corners(triangle);
+  PointResponse<float> response{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const float* x = model_.position_m + 3 * corner[k];
+    response.free_m += Vec3f{x[0], x[1], x[2]} * barycentric[k];
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int16_t* a = model_.basis + (3 * corner[0] + axis) * model_.modes;
+    const std::int16_t* b = model_.basis + (3 * corner[1] + axis) * model_.modes;
+    const std::int16_t* c = model_.basis + (3 * corner[2] + axis) * model_.modes;
+    float* out = point_basis_[axis].data();
+    for (std::size_t m = 0; m < model_.modes; ++m) {
+      out[m] = (barycentric.x * static_cast<float>(a[m]) + barycentric.y * static_cast<float>(b[m]) +
+                barycentric.z * static_cast<float>(c[m])) *
+               model_.basis_scale[m];
+    }
+  }
+  Mat3f& compliance = response.compliance_m_N;
+  const float* wx = point_basis_[0].data();
+  const float* wy = point_basis_[1].data();
+  const float* wz = point_basis_[2].data();
+  Vec3f displacement{}, diagonal{}, off{};  // off: yz, zx, xy
+  for (std::size_t m = 0; m < model_.modes; ++m) {
+    const float* c = model_.coefficient + kCoefficientsPerMode * m;
+    const float ahead = state_->q[m] + kLead_s * state_->p[m];
+    const float b = c[4] + kLead_s * c[5];
+    displacement += Vec3f{wx[m], wy[m], wz[m]} * ahead;
+    const float bx = b * wx[m], by = b * wy[m];
+    diagonal += Vec3f{bx * wx[m], by * wy[m], b * wz[m] * wz[m]};
+    off += Vec3f{by * wz[m], bx * wz[m], bx * wy[m]};
+  }
+  response.free_m += displacement;
+  compliance = {{{diagonal.x, off.z, off.y}, {off.z, diagonal.y, off.x}, {off.y, off.x, diagonal.z}}};
+  evaluations_ += 3;
+  return response;
+}
+
+void ModalSurface::apply(std::uint32_t, const Vec3f&, const Vec3f& force_N) {
+  now_valid_ = 0;
+  for (std::size_t m = 0; m < model_.modes; ++m) {
+    const float* c = model_.coefficient + kCoefficientsPerMode * m;
+    const float u =
+        point_basis_[0][m] * force_N.x + point_basis_[1][m] * force_N.y + point_basis_[2][m] * force_N.z;
+    state_->q[m] += c[4] * u;
+    state_->p[m] += c[5] * u;
+    scaled_q_[m] = model_.basis_scale[m] * state_->q[m];
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,68 @@
+// The surface of a local model as contact sees it: nodes moved by modes, evaluated only where they are asked
+// for.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "shared/contact/contact.hpp"
+#include "shared/model/local_model.hpp"
+
+namespace palpate {
+
+// The servo tick that local models are discretized with.
+inline constexpr float kTick_s = 1e-3f;
+
+// Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
+// origin_m.
+class ModalSurface {
+ public:
+  using Real = float;
+  // Inverting an exactly sampled displacement response rings: its sampling zero tends to -1. Position plus
+  // half a tick of velocity has its zero at 0 for a mass, inside the unit circle with damping
+  // (docs/decisions/contact_output.md).
+  static constexpr float kTargetExtrapolation = 0.5f;
+
+  // Starts on a checked model. Positions are those of `state` as it is now.
+  void bind(const LocalModelView& model, ModalState& state);
+
+  [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(model_.triangles); }
+  [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const {
+    const std::uint8_t* c = model_.corner + 3 * triangle;
+    return {c[0], c[1], c[2]};
+  }
+  [[nodiscard]] std::int32_t neighbour(std::uint32_t triangle, std::uint32_t corner) const {
+    return neighbour_[triangle][corner];
+  }
+  // True within the patch's bounding sphere plus its radius; then all nodes are evaluated, for the collision
+  // search.
+  bool is_near(const Vec3f& from, const Vec3f& to);
+  [[nodiscard]] bool may_touch(std::uint32_t, const Vec3f&, const Vec3f&) const { return true; }
+  Vec3f position(std::uint32_t node);
+  [[nodiscard]] Vec3f position_before(std::uint32_t node) const { return before_[node]; }
+
+  void advance();
+  PointResponse<float> respond(std::uint32_t triangle, const Vec3f& barycentric);
+  // Must follow respond() of the same point.
+  void apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N);
+
+  // Node evaluations since bind(): what a step costs, mostly.
+  [[nodiscard]] std::uint32_t evaluations() const { return evaluations_; }
+
+ private:
+  LocalModelView model_{};
+  ModalState* state_ = nullptr;
+  std::array<float, kMaxModes> scaled_q_{};                    // basis_scale * q
+  std::array<std::array<float, kMaxModes>, 3> point_basis_{};  // of the point of respond(), scaled
+  std::array<Vec3f, kMaxSurfaceNodes> now_{}, before_{};
+  std::uint32_t now_valid_ = 0;  // bit per node
+  std::array<std::array<std::int8_t, 3>, kMaxTriangles> neighbour_{};
+  Vec3f centre_m_{};
+  float reach_m_ = 0;
+  std::uint32_t evaluations_ = 0;
+};
+
+static_assert(kMaxSurfaceNodes <= 32, "now_valid_ has a bit per node");
+static_assert(kMaxTriangles <= 127, "neighbour_ is int8");
+
+}  // namespace palpate
