@@ -23,9 +23,10 @@
 namespace palpate::firmware {
 
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
-inline constexpr std::uint32_t kTipHistory = 512;
+inline constexpr std::uint32_t kTipHistory = 256;
 // Background work per servo tick while a model catches up, in surface-node evaluations (about 2,000
-// instructions each at 96 modes): fixed, so that every board catches up in the same number of ticks.
+// instructions each at 96 modes; a step of the modes counts as one). Fixed, so that every board catches up in
+// the same number of ticks.
 inline constexpr std::uint32_t kCatchUpWork = 24;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
@@ -54,12 +55,12 @@ class Renderer {
   ServoSample isr_tick(std::uint32_t tick, const Vec3f& tip_m);
 
   // Background context. Decodes a serialized palpate.LocalModel.1.0 into the shadow slot and starts to catch
-  // up. Anything but Status::ok leaves the active model as it is. `report` is filled for the host whenever
-  // the status is final (not ok, or an older shadow superseded).
+  // up; a shadow that was still catching up there is superseded. Anything but Status::ok leaves the active
+  // model as it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 
-  // Background context, once per servo tick: replays the shadow for at most kCatchUpWork. Returns true when
-  // `report` was filled (the shadow was taken over, or dropped as too old).
+  // Background context, once per servo tick: replays the shadow for about kCatchUpWork. Returns true when
+  // `report` was filled: a shadow was taken over, superseded, or dropped as too old.
   bool catch_up(ModelReport& report);
 
   // Any context: the sample of a tick, if the history still holds it.
@@ -69,6 +70,7 @@ class Renderer {
   [[nodiscard]] std::uint32_t model_sequence() const;   // of the active model; 0: none
   [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
   [[nodiscard]] std::uint32_t catch_up_ticks() const;   // that the shadow lags behind; 0: none is catching up
+  [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
   // Forgets the models (outputs must be off): the next one starts afresh.
   void isr_reset();
 
@@ -89,6 +91,10 @@ class Renderer {
   enum class Shadow : std::uint8_t { empty, catching_up, offered };
 
   static void step(Slot& slot, const Vec3f& tip_m);
+  Status load(Slot& slot, std::span<const std::uint8_t> payload);
+  Status start(Slot& slot);
+  bool reclaim_offer();
+  void finish_shadow(Status status, std::uint32_t swap_tick);
 
   std::uint64_t schema_hash_;
   std::array<Slot, 2> slots_{};
@@ -98,11 +104,15 @@ class Renderer {
   // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the
   // slot.
   std::atomic<std::uint32_t> offered_{0};
-  Shadow shadow_ = Shadow::empty;  // background's own view
+  // Background's own.
+  Shadow shadow_ = Shadow::empty;
+  ModelReport finished_{};
+  bool has_finished_ = false;
   std::array<ServoSample, kTipHistory> history_{};
   std::atomic<std::uint32_t> last_tick_{0};  // newest tick in history_
   std::atomic<std::uint32_t> ticks_recorded_{0};
-  std::atomic<std::uint32_t> swap_tick_{0};
+  std::atomic<std::uint32_t> swap_tick_{0};    // of the newest take-over
+  std::atomic<std::uint32_t> shadow_tick_{0};  // how far the shadow has come; 0: none
 };
 
 }  // namespace palpate::firmware

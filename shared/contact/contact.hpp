@@ -29,17 +29,18 @@ inline constexpr std::int32_t kNoTriangle = -1;
 // extrapolation * step * velocity at the end of the step; 0 where the surface's own stepping has no sampling
 // zero near -1.
 template <class S>
-concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename S::Real> v) {
+concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename S::Real> v,
+                                  typename S::Real radius) {
   { S::kTargetExtrapolation } -> std::convertible_to<typename S::Real>;
   { c.triangle_count() } -> std::convertible_to<std::uint32_t>;
   { c.corners(i) } -> std::same_as<std::array<std::uint32_t, 3>>;
   // Across the edge opposite to corner `i` of the triangle; kNoTriangle at the border.
   { c.neighbour(i, i) } -> std::convertible_to<std::int32_t>;
-  // Cheap test: could the tip moving from the first to the second point touch the surface? May say yes too
-  // often.
-  { s.is_near(v, v) } -> std::same_as<bool>;
+  // Cheap test: could a tip of this radius that moves from the first to the second point touch the surface?
+  // May say yes too often.
+  { s.is_near(v, v, radius) } -> std::same_as<bool>;
   // Could triangle `i` be within reach of the same motion? May say yes too often.
-  { c.may_touch(i, v, v) } -> std::same_as<bool>;
+  { c.may_touch(i, v, v, radius) } -> std::same_as<bool>;
   // Node positions at the end and at the start of the newest step; `before` only where `position` was asked
   // then.
   { s.position(i) } -> std::same_as<Vec3<typename S::Real>>;
@@ -81,13 +82,13 @@ bool on_border(const Surface& surface, std::uint32_t triangle, const Vec3<Real>&
 // Closest point of the surface to `point`, with nodes at fraction s of the step (0: before, 1: after).
 template <class Surface, class Real>
 SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point, Real s,
-                                      const Vec3<Real>& from, const Vec3<Real>& to) {
+                                      const Vec3<Real>& from, const Vec3<Real>& to, Real radius_m) {
   SurfacePoint<Real> best{};
   Real best_squared = 0;
   bool any = false;
   const std::uint32_t count = surface.triangle_count();
   for (std::uint32_t t = 0; t < count; ++t) {
-    if (!surface.may_touch(t, from, to)) continue;
+    if (!surface.may_touch(t, from, to, radius_m)) continue;
     const auto corner = surface.corners(t);
     Vec3<Real> x[3];
     for (std::uint32_t c = 0; c < 3; ++c) {
@@ -115,16 +116,16 @@ template <class Surface, class Real>
 bool find_collision(Surface& surface, ContactState<Real>& state, Real radius_m, const Vec3<Real>& from,
                     const Vec3<Real>& to) {
   if (!state.outside) {
-    const auto before = closest_on_surface(surface, from, Real(0), from, to);
+    const auto before = closest_on_surface(surface, from, Real(0), from, to, radius_m);
     state.outside = before.found && before.distance_m >= radius_m;
     if (!state.outside) return false;
   }
-  auto hit = closest_on_surface(surface, to, Real(1), from, to);
+  auto hit = closest_on_surface(surface, to, Real(1), from, to, radius_m);
   if (!hit.found || hit.distance_m >= radius_m) return false;
   Real low = 0, high = 1;
   for (int i = 0; i < kCollisionBisections; ++i) {
     const Real middle = (low + high) * Real(0.5);
-    const auto there = closest_on_surface(surface, lerp(from, to, middle), middle, from, to);
+    const auto there = closest_on_surface(surface, lerp(from, to, middle), middle, from, to, radius_m);
     if (there.found && there.distance_m < radius_m) {
       high = middle;
       hit = there;
@@ -183,7 +184,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   ContactMode previous = state.mode;
   state.force_N = {};
   if (state.mode == ContactMode::free) {
-    const bool near = surface.is_near(from, to);
+    const bool near = surface.is_near(from, to, law.tip_radius_m);
     surface.advance();
     if (!near || !contact_detail::find_collision(surface, state, law.tip_radius_m, from, to)) return;
     previous = ContactMode::stick;

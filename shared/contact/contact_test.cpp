@@ -40,8 +40,8 @@ class Bed {
           return static_cast<std::int32_t>(other);
     return kNoTriangle;
   }
-  bool is_near(const Vec3d&, const Vec3d&) { return true; }
-  bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&) const { return true; }
+  bool is_near(const Vec3d&, const Vec3d&, double) { return true; }
+  bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) const { return true; }
   Vec3d position(std::uint32_t n) { return now_[n]; }
   Vec3d position_before(std::uint32_t n) { return before_[n]; }
   void advance() {

@@ -26,25 +26,28 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
     }
   }
 
-  centre_m_ = {};
-  for (std::size_t n = 0; n < model.nodes; ++n) {
-    const float* x = model.position_m + 3 * n;
-    centre_m_ += Vec3f{x[0], x[1], x[2]};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    float lowest = model.position_m[axis], highest = lowest;
+    for (std::size_t n = 1; n < model.nodes; ++n) {
+      const float x = model.position_m[3 * n + axis];
+      if (x < lowest) lowest = x;
+      if (x > highest) highest = x;
+    }
+    lowest_m_[axis] = lowest;
+    highest_m_[axis] = highest;
   }
-  if (model.nodes > 0) centre_m_ *= 1.0f / static_cast<float>(model.nodes);
-  reach_m_ = 0.0f;
-  for (std::size_t n = 0; n < model.nodes; ++n) {
-    const float* x = model.position_m + 3 * n;
-    const float distance = norm(Vec3f{x[0], x[1], x[2]} - centre_m_);
-    if (distance > reach_m_) reach_m_ = distance;
-  }
-  // Nodes move by less than the patch's own radius while a model is valid.
-  reach_m_ *= 2.0f;
+  // Nodes stay within a tenth of the patch's diagonal of where they were while a model is valid (4 mm at the
+  // reference body, where the linear model itself has long lost its meaning).
+  margin_m_ = 0.1f * norm(highest_m_ - lowest_m_);
 }
 
-bool ModalSurface::is_near(const Vec3f& from, const Vec3f& to) {
-  const float travel = norm(to - from);
-  if (norm(to - centre_m_) > reach_m_ + travel) return false;
+bool ModalSurface::is_near(const Vec3f& from, const Vec3f& to, float tip_radius_m) {
+  const float reach = margin_m_ + tip_radius_m;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const float low = from[axis] < to[axis] ? from[axis] : to[axis];
+    const float high = from[axis] < to[axis] ? to[axis] : from[axis];
+    if (high < lowest_m_[axis] - reach || low > highest_m_[axis] + reach) return false;
+  }
   for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
   return true;
 }

@@ -36,8 +36,8 @@ class ModalSurface {
   }
   // True within the patch's bounding sphere plus its radius; then all nodes are evaluated, for the collision
   // search.
-  bool is_near(const Vec3f& from, const Vec3f& to);
-  [[nodiscard]] bool may_touch(std::uint32_t, const Vec3f&, const Vec3f&) const { return true; }
+  bool is_near(const Vec3f& from, const Vec3f& to, float tip_radius_m);
+  [[nodiscard]] bool may_touch(std::uint32_t, const Vec3f&, const Vec3f&, float) const { return true; }
   Vec3f position(std::uint32_t node);
   [[nodiscard]] Vec3f position_before(std::uint32_t node) const { return before_[node]; }
 
@@ -57,8 +57,8 @@ class ModalSurface {
   std::array<Vec3f, kMaxSurfaceNodes> now_{}, before_{};
   std::uint32_t now_valid_ = 0;  // bit per node
   std::array<std::array<std::int8_t, 3>, kMaxTriangles> neighbour_{};
-  Vec3f centre_m_{};
-  float reach_m_ = 0;
+  Vec3f lowest_m_{}, highest_m_{};  // bounding box at q = 0
+  float margin_m_ = 0;
   std::uint32_t evaluations_ = 0;
 };
 

@@ -1,0 +1,238 @@
+#include "firmware/core/renderer.hpp"
+
+#include <cmath>
+
+namespace palpate::firmware {
+namespace {
+
+constexpr std::uint8_t kFlagModelUsed = 4, kFlagModelSwap = 8;  // palpate.ServoSample FLAG_*
+static_assert((kTipHistory & (kTipHistory - 1)) == 0, "the history is indexed by tick modulo its length");
+
+bool counts_agree(const palpate_LocalModel_1_0& m) {
+  return m.position_m.count == 3u * m.nodes && m.triangle_id.count == m.triangles &&
+         m.corner.count == 3u * m.triangles && m.coefficient.count == kCoefficientsPerMode * m.modes &&
+         m.load.count == m.modes && m.state_q.count == m.modes && m.state_p.count == m.modes &&
+         m.basis_scale.count == m.modes && m.basis.count == 3u * m.nodes * m.modes;
+}
+
+bool law_is_valid(const palpate_LocalModel_1_0& m) {
+  return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.static_friction) &&
+         m.kinetic_friction >= 0.0f && m.static_friction >= m.kinetic_friction;
+}
+
+}  // namespace
+
+void Renderer::step(Slot& slot, const Vec3f& tip_m) {
+  const Vec3f tip = tip_m - slot.view.origin_m;
+  step_contact(slot.surface, slot.contact, slot.law, slot.previous_tip_m, tip);
+  slot.previous_tip_m = tip;
+}
+
+ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
+  ServoSample sample{};
+  sample.tip_m = tip_m;
+
+  std::uint32_t offer = offered_.load(std::memory_order_acquire);
+  if (offer != 0 && slots_[offer - 1].tick + 1 == tick &&
+      offered_.compare_exchange_strong(offer, 0, std::memory_order_acq_rel)) {
+    swap_tick_.store(tick, std::memory_order_relaxed);
+    have_model_.store(true, std::memory_order_relaxed);
+    shadow_tick_.store(0, std::memory_order_relaxed);
+    // Release: whoever sees the new active slot also sees that the offer is gone and when it was taken.
+    active_.store(offer - 1, std::memory_order_release);
+    sample.flags |= kFlagModelSwap;
+  }
+  if (have_model_.load(std::memory_order_relaxed)) {
+    Slot& slot = slots_[active_.load(std::memory_order_relaxed)];
+    step(slot, tip_m);
+    slot.tick = tick;
+    sample.force_N = slot.contact.force_N;
+    sample.mode = slot.contact.mode;
+    sample.barycentric = slot.contact.barycentric;
+    sample.triangle = slot.view.triangle_id[slot.contact.triangle];
+    sample.flags |= kFlagModelUsed;
+  }
+
+  // A tick that was missed leaves its entry of the history as this one: the trace stays without holes.
+  const std::uint32_t recorded = ticks_recorded_.load(std::memory_order_relaxed);
+  std::uint32_t first = tick;
+  if (recorded != 0) {
+    const std::uint32_t newest = last_tick_.load(std::memory_order_relaxed);
+    const std::uint32_t missed = tick - newest - 1;
+    first = missed < kTipHistory ? newest + 1 : tick - kTipHistory + 1;
+  }
+  for (std::uint32_t t = first; t != tick + 1; ++t) history_[t % kTipHistory] = sample;
+  const std::uint32_t added = tick + 1 - first;
+  ticks_recorded_.store(recorded + added < kTipHistory ? recorded + added : kTipHistory,
+                        std::memory_order_relaxed);
+  last_tick_.store(tick, std::memory_order_release);
+  return sample;
+}
+
+bool Renderer::sample(std::uint32_t tick, ServoSample& out) const {
+  const auto held = [&] {
+    const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
+    // One entry less than the history holds: the interrupt may be writing the oldest one.
+    return newest - tick < ticks_recorded_.load(std::memory_order_relaxed) && newest - tick < kTipHistory - 1;
+  };
+  if (!held()) return false;
+  out = history_[tick % kTipHistory];
+  return held();
+}
+
+Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
+  std::size_t size = payload.size();
+  const std::int8_t result = palpate_LocalModel_1_0_deserialize_(&slot.message, payload.data(), &size);
+  const palpate_LocalModel_1_0& m = slot.message;
+  if (result == -NUNAVUT_ERROR_REPRESENTATION_BAD_ARRAY_LENGTH) return Status::model_too_large;
+  if (result < 0) return Status::payload_malformed;
+  if (m.schema_hash != schema_hash_) return Status::schema_mismatch;
+  if (m.modes > kMaxModes || m.nodes > kMaxSurfaceNodes || m.triangles > kMaxTriangles)
+    return Status::model_too_large;
+  if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0) return Status::model_inconsistent;
+
+  slot.view = LocalModelView{.modes = m.modes,
+                             .nodes = m.nodes,
+                             .triangles = m.triangles,
+                             .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
+                             .position_m = m.position_m.elements,
+                             .corner = m.corner.elements,
+                             .triangle_id = m.triangle_id.elements,
+                             .coefficient = m.coefficient.elements,
+                             .load = m.load.elements,
+                             .basis_scale = m.basis_scale.elements,
+                             .basis = m.basis.elements};
+  for (std::size_t i = 0; i < m.modes; ++i) {
+    slot.state.q[i] = m.state_q.elements[i];
+    slot.state.p[i] = m.state_p.elements[i];
+  }
+  const Status checked = check(slot.view, slot.state);
+  if (checked != Status::ok) return checked;
+
+  slot.law = {m.static_friction, m.kinetic_friction, m.tip_radius_m};
+  slot.contact = {};
+  slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
+  slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
+  if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
+  slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
+  if (slot.contact.mode != ContactMode::free) {
+    if (!is_finite(slot.contact.barycentric)) return Status::model_not_finite;
+    std::uint32_t triangle = 0;
+    while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
+    if (triangle == m.triangles) return Status::model_inconsistent;
+    slot.contact.triangle = triangle;
+  }
+  slot.tick = slot.model_tick = m.tick;
+  slot.sequence = m.sequence;
+  slot.valid_ticks = m.valid_ticks;
+  return Status::ok;
+}
+
+Status Renderer::start(Slot& slot) {
+  const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
+  if (static_cast<std::int32_t>(slot.tick - newest) > 0) return Status::model_from_future;
+  ServoSample at_model_tick{};
+  if (!sample(slot.tick, at_model_tick)) return Status::model_too_old;
+  slot.previous_tip_m = at_model_tick.tip_m - slot.view.origin_m;
+  slot.surface.bind(slot.view, slot.state);
+  return Status::ok;
+}
+
+bool Renderer::reclaim_offer() {
+  return offered_.exchange(0, std::memory_order_acq_rel) != 0;
+}
+
+void Renderer::finish_shadow(Status status, std::uint32_t swap_tick) {
+  const Slot& slot = slots_[status == Status::ok ? active_.load(std::memory_order_acquire)
+                                                 : 1u - active_.load(std::memory_order_acquire)];
+  finished_ = {slot.sequence, status, slot.model_tick, swap_tick};
+  has_finished_ = true;
+  shadow_ = Shadow::empty;
+  if (status != Status::ok) shadow_tick_.store(0, std::memory_order_relaxed);
+}
+
+Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& report) {
+  if (shadow_ == Shadow::offered && !reclaim_offer()) {
+    finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
+  } else if (shadow_ != Shadow::empty) {
+    finish_shadow(Status::model_superseded, 0);
+  }
+  Slot& slot = slots_[1u - active_.load(std::memory_order_acquire)];
+  Status status = load(slot, payload);
+  if (status == Status::ok) status = start(slot);
+  if (status != Status::ok) {
+    report = {slot.message.sequence, status, slot.message.tick, 0};
+    return status;
+  }
+  shadow_ = Shadow::catching_up;
+  shadow_tick_.store(slot.tick, std::memory_order_relaxed);
+  return Status::ok;
+}
+
+bool Renderer::catch_up(ModelReport& report) {
+  if (shadow_ == Shadow::offered) {
+    if (offered_.load(std::memory_order_acquire) == 0) {
+      finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
+    } else if (reclaim_offer()) {
+      shadow_ = Shadow::catching_up;  // the interrupt has gone on without it
+    } else {
+      finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
+    }
+  }
+  if (shadow_ == Shadow::catching_up) {
+    const std::uint32_t index = 1u - active_.load(std::memory_order_acquire);
+    Slot& slot = slots_[index];
+    const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
+    for (std::uint32_t work = 0; work < kCatchUpWork && slot.tick != newest;) {
+      ServoSample past{};
+      if (!sample(slot.tick + 1, past)) {
+        finish_shadow(Status::model_too_old, 0);
+        break;
+      }
+      const std::uint32_t before = slot.surface.evaluations();
+      step(slot, past.tip_m);
+      ++slot.tick;
+      work += 1 + slot.surface.evaluations() - before;
+    }
+    if (shadow_ == Shadow::catching_up) {
+      shadow_tick_.store(slot.tick, std::memory_order_relaxed);
+      if (slot.tick == newest) {
+        shadow_ = Shadow::offered;
+        offered_.store(index + 1, std::memory_order_release);
+      }
+    }
+  }
+  if (!has_finished_) return false;
+  has_finished_ = false;
+  report = finished_;
+  return true;
+}
+
+std::uint32_t Renderer::model_sequence() const {
+  return have_model_.load(std::memory_order_relaxed)
+             ? slots_[active_.load(std::memory_order_relaxed)].sequence
+             : 0;
+}
+
+std::uint32_t Renderer::model_age_ticks() const {
+  if (!have_model_.load(std::memory_order_relaxed)) return 0;
+  return last_tick_.load(std::memory_order_relaxed) -
+         slots_[active_.load(std::memory_order_relaxed)].model_tick;
+}
+
+std::uint32_t Renderer::model_valid_ticks() const {
+  return have_model_.load(std::memory_order_relaxed)
+             ? slots_[active_.load(std::memory_order_relaxed)].valid_ticks
+             : 0;
+}
+
+std::uint32_t Renderer::catch_up_ticks() const {
+  const std::uint32_t shadow_tick = shadow_tick_.load(std::memory_order_relaxed);
+  return shadow_tick == 0 ? 0 : last_tick_.load(std::memory_order_relaxed) - shadow_tick;
+}
+
+void Renderer::isr_reset() {
+  have_model_.store(false, std::memory_order_relaxed);
+}
+
+}  // namespace palpate::firmware
