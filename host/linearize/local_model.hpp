@@ -1,0 +1,42 @@
+// A local model as the host holds it, in double precision, before it is quantized for the board.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "host/linearize/modal_coefficients.hpp"
+
+namespace palpate::host {
+
+// The same content as palpate.LocalModel.1.0 (shared/wire/dsdl), made by a builder for one state of the body.
+// With q and p the modal positions and velocities, f the contact forces on the surface nodes (3 per node),
+// and basis Phi:
+//   displacement of the surface nodes from position_m = Phi q
+//   modal force u = load + Phi' f,  then one step of each mode (modal_coefficients.hpp)
+struct LocalModel {
+  double step_s = 0;
+  // Surface.
+  Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();  // device frame
+  Eigen::Matrix3Xd position_m;                         // 3 x surface nodes, minus origin_m, at q = 0
+  std::vector<int> node;                               // the body's number of each surface node
+  std::vector<int> triangle;                           // the body's number of each triangle
+  std::vector<std::array<int, 3>> corner;              // of each triangle; columns of position_m
+  // Modes.
+  std::vector<ModalCoefficients> coefficient;
+  Eigen::VectorXd lambda_rad2_s2;
+  Eigen::VectorXd damping_rad_s;
+  Eigen::VectorXd load;  // constant modal force, N / sqrt(kg)
+  Eigen::MatrixXd
+      basis;  // (3 surface nodes) x modes, 1 / sqrt(kg); row = 3 node + axis; zero for fixed nodes
+  // State.
+  Eigen::VectorXd q;  // sqrt(kg) m
+  Eigen::VectorXd p;  // sqrt(kg) m / s
+  // Error indicators (modal_reduction.hpp).
+  double damping_coupling = 0;
+  double stiffness_asymmetry = 0;
+
+  [[nodiscard]] Eigen::Index modes() const { return q.size(); }
+};
+
+}  // namespace palpate::host
