@@ -30,8 +30,11 @@ TEST(Encoders, CountsSurviveTheRoundTrip) {
 
 TEST(Encoders, AngleIsWithinHalfACount) {
   constexpr float kFloatError_counts = 0.01f;  // 14,000 counts * 2^-23, a few times
+  constexpr int kSteps = 20'000;
   for (const Joint& joint : kPremium15.joint)
-    for (float angle_rad = joint.min_rad; angle_rad < joint.max_rad; angle_rad += 1.37e-4f) {
+    for (int i = 0; i <= kSteps; ++i) {
+      const float fraction = static_cast<float>(i) / static_cast<float>(kSteps);
+      const float angle_rad = joint.min_rad + fraction * (joint.max_rad - joint.min_rad);
       const auto counts = static_cast<float>(encoder_count(joint, angle_rad));
       ASSERT_LE(std::fabs(counts - angle_rad * joint.counts_per_rad), 0.5f + kFloatError_counts);
     }

@@ -1,0 +1,82 @@
+// The simulated device in a simulated hand: what the firmware would find at its encoders and amplifiers.
+//
+// Arm and hand are integrated together by the classical fourth-order Runge-Kutta method with a fixed substep;
+// the amplifiers' currents enter in closed form. With the default parameters the fastest part (smoothed
+// friction, see ArmParameters) has a time constant of 0.5 ms: steps of 50 us are far inside the method's
+// stability.
+#pragma once
+
+#include <array>
+
+#include "host/plant/amplifiers.hpp"
+#include "host/plant/arm_plant.hpp"
+#include "host/plant/hand.hpp"
+#include "host/plant/tip_path.hpp"
+#include "shared/device/encoders.hpp"
+#include "shared/math/linear.hpp"
+
+namespace palpate::plant {
+
+struct PlantParameters {
+  ArmParameters arm{};
+  AmplifierParameters amplifiers{};
+  HandParameters hand{};
+  double grip = 1.0;                          // at the start
+  device::EncoderCounts encoder_reference{};  // what the encoders read in the reference pose
+  double substep_s = 50e-6;                   // at most
+};
+
+// One thread. Lengths in the device frame. Equal calls give equal bits on one machine (libm decides across
+// machines).
+class Plant {
+ public:
+  // At time 0, at rest, the tip where the path has it at time 0, held there by the hand. Throws
+  // std::invalid_argument for parameters out of range and for a start outside the arm's workspace.
+  Plant(const PlantParameters& parameters, TipPath intended);
+
+  // Lets duration_s > 0 pass, usually one servo tick, with constant set-points; enabled false means no
+  // current. Throws std::invalid_argument for set-points that are not finite or a duration out of range, and
+  // std::runtime_error when the state stops being finite.
+  void advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s);
+
+  // grip in [0, 1], from now on; throws std::invalid_argument.
+  void set_grip(double grip);
+
+  [[nodiscard]] double time_s() const { return time_s_; }
+  // What a board reads.
+  [[nodiscard]] device::EncoderCounts encoder_counts() const;
+  [[nodiscard]] std::array<float, 3> measured_current_A() const;
+  // The truth behind it.
+  [[nodiscard]] const Vec3d& joint_rad() const { return state_.joint_rad; }
+  [[nodiscard]] const Vec3d& joint_rad_s() const { return state_.joint_rad_s; }
+  [[nodiscard]] Vec3d tip_position_m() const { return arm_.tip_position_m(state_.joint_rad); }
+  [[nodiscard]] Vec3d tip_velocity_m_s() const {
+    return arm_.jacobian_m(state_.joint_rad) * state_.joint_rad_s;
+  }
+  [[nodiscard]] const Vec3d& hand_position_m() const { return state_.hand.position_m; }
+  [[nodiscard]] Vec3d intended_position_m() const { return intended_.at(time_s_).position_m; }
+  // Of the hand on the tool; the hand feels the opposite.
+  [[nodiscard]] Vec3d hand_force_N() const;
+  [[nodiscard]] double grip() const { return grip_; }
+  [[nodiscard]] const ArmPlant& arm() const { return arm_; }
+
+ private:
+  struct State {
+    Vec3d joint_rad{}, joint_rad_s{};
+    HandState hand{};
+  };
+  [[nodiscard]] State derivative(const State& state, double delay_s) const;
+  void substep(double step_s);
+
+  ArmPlant arm_;
+  Amplifiers amplifiers_;
+  Hand hand_;
+  TipPath intended_;
+  device::EncoderCounts encoder_reference_;
+  double substep_s_;
+  double grip_ = 0.0;
+  double time_s_ = 0.0;
+  State state_{};
+};
+
+}  // namespace palpate::plant
