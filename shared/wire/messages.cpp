@@ -1,0 +1,95 @@
+#include "shared/wire/messages.hpp"
+
+#include "shared/contact/contact_state.hpp"
+
+namespace palpate::wire {
+namespace {
+
+// nunavut names its functions by type; this gives them one name to be called by from templates.
+template <class Message>
+struct Generated;
+
+#define PALPATE_GENERATED(type)                                          \
+  template <>                                                            \
+  struct Generated<palpate_##type> {                                     \
+    static constexpr auto kSerialize = &palpate_##type##_serialize_;     \
+    static constexpr auto kDeserialize = &palpate_##type##_deserialize_; \
+  }
+PALPATE_GENERATED(ServoTrace_1_0);
+PALPATE_GENERATED(BoardStatus_1_0);
+PALPATE_GENERATED(ModelReport_1_0);
+PALPATE_GENERATED(LocalModel_1_0);
+PALPATE_GENERATED(TraceRequest_1_0);
+PALPATE_GENERATED(Command_Request_1_0);
+PALPATE_GENERATED(Command_Response_1_0);
+PALPATE_GENERATED(GetInfo_Request_1_0);
+PALPATE_GENERATED(GetInfo_Response_1_0);
+#undef PALPATE_GENERATED
+
+constexpr std::size_t kServoSampleBytes = palpate_ServoSample_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_;
+
+// Constants that stand both in DSDL and in C++.
+static_assert(palpate_Contact_1_0_MODE_FREE == static_cast<std::uint8_t>(ContactMode::free));
+static_assert(palpate_Contact_1_0_MODE_STICK == static_cast<std::uint8_t>(ContactMode::stick));
+static_assert(palpate_Contact_1_0_MODE_SLIP == static_cast<std::uint8_t>(ContactMode::slip));
+
+}  // namespace
+
+// The longest payload less the array entries that are not there.
+std::size_t payload_bytes(const palpate_LocalModel_1_0& message) {
+  return MessageTraits<palpate_LocalModel_1_0>::kMaxBytes -
+         4 * (palpate_LocalModel_1_0_position_m_ARRAY_CAPACITY_ - message.position_m.count) -
+         2 * (palpate_LocalModel_1_0_triangle_id_ARRAY_CAPACITY_ - message.triangle_id.count) -
+         (palpate_LocalModel_1_0_corner_ARRAY_CAPACITY_ - message.corner.count) -
+         4 * (palpate_LocalModel_1_0_coefficient_ARRAY_CAPACITY_ - message.coefficient.count) -
+         4 * (palpate_LocalModel_1_0_load_ARRAY_CAPACITY_ - message.load.count) -
+         4 * (palpate_LocalModel_1_0_state_q_ARRAY_CAPACITY_ - message.state_q.count) -
+         4 * (palpate_LocalModel_1_0_state_p_ARRAY_CAPACITY_ - message.state_p.count) -
+         4 * (palpate_LocalModel_1_0_basis_scale_ARRAY_CAPACITY_ - message.basis_scale.count) -
+         2 * (palpate_LocalModel_1_0_basis_ARRAY_CAPACITY_ - message.basis.count);
+}
+
+std::size_t payload_bytes(const palpate_ServoTrace_1_0& message) {
+  return MessageTraits<palpate_ServoTrace_1_0>::kMaxBytes -
+         kServoSampleBytes * (palpate_ServoTrace_1_0_samples_ARRAY_CAPACITY_ - message.samples.count);
+}
+
+std::size_t payload_bytes(const palpate_GetInfo_Response_1_0& message) {
+  return MessageTraits<palpate_GetInfo_Response_1_0>::kMaxBytes -
+         (palpate_GetInfo_Response_1_0_board_ARRAY_CAPACITY_ - message.board.count) -
+         (palpate_GetInfo_Response_1_0_firmware_ARRAY_CAPACITY_ - message.firmware.count);
+}
+
+template <class Message>
+Status serialize(const Message& message, std::span<std::uint8_t> out, std::size_t& written) {
+  std::size_t bytes = out.size();
+  std::uint8_t nothing = 0;  // the generated code takes no null pointer, not even for no bytes
+  std::uint8_t* const to = out.empty() ? &nothing : out.data();
+  if (Generated<Message>::kSerialize(&message, to, &bytes) < 0) return Status::payload_malformed;
+  written = bytes;
+  return Status::ok;
+}
+
+template <class Message>
+Status deserialize(std::span<const std::uint8_t> payload, Message& message) {
+  std::size_t bytes = payload.size();
+  if (Generated<Message>::kDeserialize(&message, payload.data(), &bytes) < 0)
+    return Status::payload_malformed;
+  return payload.size() < payload_bytes(message) ? Status::payload_malformed : Status::ok;
+}
+
+#define PALPATE_INSTANTIATE(type)                                                                          \
+  template Status serialize<palpate_##type>(const palpate_##type&, std::span<std::uint8_t>, std::size_t&); \
+  template Status deserialize<palpate_##type>(std::span<const std::uint8_t>, palpate_##type&)
+PALPATE_INSTANTIATE(ServoTrace_1_0);
+PALPATE_INSTANTIATE(BoardStatus_1_0);
+PALPATE_INSTANTIATE(ModelReport_1_0);
+PALPATE_INSTANTIATE(LocalModel_1_0);
+PALPATE_INSTANTIATE(TraceRequest_1_0);
+PALPATE_INSTANTIATE(Command_Request_1_0);
+PALPATE_INSTANTIATE(Command_Response_1_0);
+PALPATE_INSTANTIATE(GetInfo_Request_1_0);
+PALPATE_INSTANTIATE(GetInfo_Response_1_0);
+#undef PALPATE_INSTANTIATE
+
+}  // namespace palpate::wire

@@ -1,0 +1,34 @@
+// Who and what on the wire: node identifiers, subjects and services (docs/protocol.md).
+#pragma once
+
+#include <cstdint>
+
+namespace palpate::wire {
+
+// Node identifiers, unless configured otherwise.
+inline constexpr std::uint16_t kBoardNode = 42;
+inline constexpr std::uint16_t kHostNode = 10;
+inline constexpr std::uint16_t kBroadcast = 0xFFFF;  // as a destination: every node; as a source: anonymous
+
+// Subjects: messages to whoever listens.
+inline constexpr std::uint16_t kServoTraceSubject = 1600;    // board to host, palpate.ServoTrace
+inline constexpr std::uint16_t kBoardStatusSubject = 1601;   // board to host, palpate.BoardStatus
+inline constexpr std::uint16_t kModelReportSubject = 1602;   // board to host, palpate.ModelReport
+inline constexpr std::uint16_t kLocalModelSubject = 1610;    // host to board, palpate.LocalModel
+inline constexpr std::uint16_t kTraceRequestSubject = 1611;  // host to board, palpate.TraceRequest
+// Services of the board: a request and its response.
+inline constexpr std::uint16_t kCommandService = 300;  // palpate.Command
+inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo
+
+// The data specifier of a frame header: the kind of transfer and the number of its subject or service.
+constexpr std::uint16_t message_specifier(std::uint16_t subject) {
+  return subject;
+}
+constexpr std::uint16_t response_specifier(std::uint16_t service) {
+  return static_cast<std::uint16_t>(0x8000u | service);
+}
+constexpr std::uint16_t request_specifier(std::uint16_t service) {
+  return static_cast<std::uint16_t>(0xC000u | service);
+}
+
+}  // namespace palpate::wire
