@@ -13,4 +13,6 @@ set(CMAKE_CXX_FLAGS_INIT
     "${_cpu} -ffunction-sections -fdata-sections -fno-exceptions -fno-rtti -fno-threadsafe-statics -fno-use-cxa-atexit")
 set(CMAKE_C_FLAGS_RELEASE_INIT "-O3 -g")
 set(CMAKE_CXX_FLAGS_RELEASE_INIT "-O3 -g")
+# Last on the link line.
+set(CMAKE_CXX_STANDARD_LIBRARIES_INIT "-Wl,--start-group -lc -lgcc -Wl,--end-group")
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)

@@ -7,6 +7,12 @@ target_compile_options(palpate_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Werror -Wconversion -Wsign-conversion -Wdouble-promotion
     -Wshadow -Wold-style-cast -Wswitch-enum>)
 target_include_directories(palpate_options INTERFACE ${CMAKE_SOURCE_DIR})
+if(CMAKE_CROSSCOMPILING)
+  # Absolute code, and a call graph with stack sizes beside every object (read by check_image.py).
+  set(CMAKE_POSITION_INDEPENDENT_CODE OFF)
+  target_compile_options(palpate_options INTERFACE -fcallgraph-info=su)
+  include(${CMAKE_CURRENT_LIST_DIR}/bare_metal.cmake)
+endif()
 
 # palpate_test(NAME LIBS lib... SOURCES file...): a GoogleTest program beside its sources, registered with ctest.
 function(palpate_test name)

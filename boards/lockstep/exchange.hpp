@@ -3,6 +3,12 @@
 // virtual time stands still while the plant computes. Both are plain little-endian structs over a pair of
 // byte streams (FIFOs); every payload, the link's bytes included, travels inside them, which is what makes a
 // run repeatable to the bit.
+//
+// The board opens the actuator stream for writing, then the sensor stream for reading. The first tick is 0;
+// each ActuatorFrame names the next one. That is mostly tick + 1, but after an overlong tick what the timer
+// could not deliver is skipped, so that a tick's number stays its virtual time in ms: the plant advances to
+// it, too. A SensorFrame with another number ends the run. With kShutdown the board computes the tick,
+// answers with outputs off, and exits (ExitCode).
 #pragma once
 
 #include <array>
@@ -19,7 +25,19 @@ inline constexpr std::size_t kLinkBytesPerTick = 2048;
 enum SensorFlag : std::uint32_t {
   kEmergencyStop = 1u << 0,  // the e-stop chain is open
   kShutdown = 1u << 1,       // end of the run: the board exits
-  kBurnCycles = 1u << 2,     // test input: compute for longer than a tick
+  kBurnCycles = 1u << 2,     // test input: compute for 2.5 ticks more; no effect where the board has no clock
+  kCrash =
+      1u << 3,  // test input: run into a processor fault, which ends the run with ExitCode::processor_fault
+};
+
+// What the board's process ends with.
+enum class ExitCode : int {
+  shutdown = 0,         // asked for by kShutdown
+  usage = 1,            // wrong command line
+  no_channel = 2,       // the streams cannot be opened
+  peer_closed = 3,      // a stream ended
+  protocol_error = 4,   // wrong magic, tick or length in a SensorFrame
+  processor_fault = 5,  // after one last ActuatorFrame with outputs off
 };
 
 // Plant to board, at the start of a tick.
@@ -37,6 +55,7 @@ struct SensorFrame {
 struct ActuatorFrame {
   std::uint32_t magic;
   std::uint32_t tick;
+  std::uint32_t next_tick;          // that of the SensorFrame that the board will read next
   std::array<float, 3> setpoint_A;  // motor current set-points; 0 when outputs are off
   std::uint32_t enabled;            // 1: amplifiers enabled
   // Telemetry that does not cross the link: for the record only, never fed back.
@@ -49,19 +68,17 @@ struct ActuatorFrame {
   std::uint32_t faults;          // bits of palpate::firmware::Fault
   std::uint32_t model_sequence;  // of the active model; 0: none
   std::uint32_t model_age_ticks;
-  std::uint32_t catch_up_ticks;    // ticks that the shadow model still lags behind; 0: none is catching up
-  std::uint32_t missed_deadlines;  // so far
-  std::uint32_t
-      background_overruns;  // ticks so far in which the background work was not done when the next began
-  std::uint32_t
-      tick_count;  // length of the previous servo tick (interrupt entry to exit), counts of clock_Hz
-  std::uint32_t busy_count;   // previous tick, servo and background together, likewise
-  std::uint32_t clock_Hz;     // 0 where the board has no such clock
-  std::uint32_t link_length;  // valid bytes in link
+  std::uint32_t catch_up_ticks;       // ticks that the shadow model still lags behind; 0: none is catching up
+  std::uint32_t missed_deadlines;     // so far
+  std::uint32_t background_overruns;  // ticks so far whose background work was not done when the next began
+  std::uint32_t tick_count;           // previous servo tick, interrupt entry to exit, in counts of clock_Hz
+  std::uint32_t busy_count;           // previous tick, servo and background together, likewise
+  std::uint32_t clock_Hz;             // 0 where the board has no such clock
+  std::uint32_t link_length;          // valid bytes in link
   std::array<std::uint8_t, kLinkBytesPerTick> link;
 };
 
 static_assert(sizeof(SensorFrame) == 40 + kLinkBytesPerTick);
-static_assert(sizeof(ActuatorFrame) == 112 + kLinkBytesPerTick);
+static_assert(sizeof(ActuatorFrame) == 116 + kLinkBytesPerTick);
 
 }  // namespace palpate::lockstep

@@ -1,0 +1,82 @@
+// The firmware as a Linux process: interrupt and background in turn, in one thread.
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <string_view>
+
+#include "boards/lockstep/emulated_board.hpp"
+#include "boards/native/platform.hpp"
+#include "firmware/app/app.hpp"
+
+namespace {
+
+using palpate::board::NativePlatform;
+using Board = palpate::board::EmulatedBoard<NativePlatform>;
+using App = palpate::firmware::App<Board>;
+using palpate::lockstep::ExitCode;
+
+constexpr palpate::firmware::BoardIdentity kIdentity{"native", PALPATE_VERSION};
+constexpr const char* kUsage =
+    "usage: palpate_native --lockstep ACTUATORS SENSORS   in lock-step with a plant over two files (FIFOs)\n"
+    "       palpate_native --pty                          in real time, without a plant; prints the link's "
+    "terminal\n";
+
+// For the signal handler; set before it is installed.
+Board* board = nullptr;
+
+// The processor fault of this board. What runs here works on a broken process: it only writes to a
+// descriptor.
+extern "C" void handle_fault(int) {
+  board->fail_safe();
+  std::_Exit(static_cast<int>(ExitCode::processor_fault));
+}
+
+void install_fault_handler() {
+  struct sigaction action {};
+  action.sa_handler = handle_fault;
+  for (const int fault : {SIGSEGV, SIGBUS, SIGILL, SIGFPE}) ::sigaction(fault, &action, nullptr);
+  // A plant that has gone shows as a failed write.
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+void run_in_lockstep(App& app) {
+  for (;;) {  // the board exits the process
+    app.isr_tick();
+    app.background();
+  }
+}
+
+void run_in_real_time(App& app, NativePlatform& platform) {
+  for (;;) {
+    platform.wait_for_tick();
+    platform.receive(board->link());
+    app.isr_tick();
+    app.background();
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string_view mode = argc > 1 ? argv[1] : "";
+  const bool lockstep = mode == "--lockstep" && argc == 4;
+  if (!lockstep && !(mode == "--pty" && argc == 2)) {
+    std::fputs(kUsage, stderr);
+    return static_cast<int>(ExitCode::usage);
+  }
+  NativePlatform platform =
+      lockstep ? NativePlatform::in_lockstep(argv[2], argv[3]) : NativePlatform::on_pseudo_terminal();
+  const auto frames = std::make_unique<palpate::board::ExchangeFrames>();
+  const auto the_board = std::make_unique<Board>(platform, *frames);
+  const auto app = std::make_unique<App>(*the_board, kIdentity);
+  board = the_board.get();
+  install_fault_handler();
+  if (lockstep) {
+    run_in_lockstep(*app);
+  } else {
+    std::printf("%s\n", platform.terminal_path().c_str());
+    std::fflush(stdout);
+    run_in_real_time(*app, platform);
+  }
+  return 0;
+}

@@ -1,0 +1,155 @@
+#include "firmware/core/servo.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "palpate/ServoSample_1_0.h"
+#include "shared/device/actuation.hpp"
+
+namespace palpate::firmware {
+namespace {
+
+constexpr float kTick_s = 1e-3f;
+
+std::int32_t difference(std::int32_t a, std::int32_t b) {
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) - static_cast<std::uint32_t>(b));
+}
+
+bool moved(const device::EncoderCounts& from, const device::EncoderCounts& to, std::int32_t allowed_count) {
+  bool any = false;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::int32_t change = difference(to[i], from[i]);
+    any = any || change > allowed_count || change < -allowed_count;
+  }
+  return any;
+}
+
+}  // namespace
+
+CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
+                               const Vec3f& force_N, const Limits& limits) {
+  const Vec3f torque_N_m = device::joint_torque(pose, -force_N) + pose.gravity_torque_N_m;
+  const device::CurrentSetpoints currents = device::motor_currents(device, torque_N_m);
+  // Scale 0 is how motor_currents() reports what is not finite; its own zeros would pass for a command.
+  if (!(currents.scale > 0.0f)) return {.finite = false};
+  CurrentLimit result =
+      limit_currents({currents.current_A.x, currents.current_A.y, currents.current_A.z}, limits);
+  result.limited = result.limited || currents.scale < 1.0f;
+  return result;
+}
+
+SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& sensors,
+                               const device::Pose& pose, const ServoSample& sample) {
+  SupervisorInputs in;
+  in.tick = timing.tick;
+  in.elapsed_ticks = timing.elapsed_ticks;
+  in.missed_deadlines = timing.new_missed_deadlines;
+  in.emergency_stop_open = sensors.emergency_stop_open;
+  in.measured_current_A = sensors.measured_current_A;
+  const float elapsed = static_cast<float>(timing.elapsed_ticks);
+  if (have_counts_) {
+    const Vec3f step_rad = device::joint_angles(device_, sensors.count, previous_count_);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const float magnitude_rad = std::fabs(step_rad[i]) / elapsed;
+      if (magnitude_rad > in.joint_step_rad) in.joint_step_rad = magnitude_rad;
+    }
+    const device::EncoderCounts& rest = state_.mode == Mode::calibrate ? rest_count_ : previous_count_;
+    in.at_rest = !moved(rest, sensors.count, limits_.calibration_motion_count);
+  }
+  const bool pose_known = (pose.faults & device::kInvalidAngle) == 0;
+  // A pose that kinematics cannot know has no position, and the supervisor must see that.
+  constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+  in.tip_m = pose_known ? pose.tip_m : Vec3f{kUnknown, kUnknown, kUnknown};
+  if (have_tip_ && pose_known) in.tip_speed_m_s = norm(pose.tip_m - tip_m_) / (elapsed * kTick_s);
+  in.inside_workspace = pose.faults == 0;
+  in.force_N = sample.force_N;
+  in.model_sequence = renderer_.model_sequence();
+  in.model_age_ticks = renderer_.model_age_ticks();
+  in.model_valid_ticks = renderer_.model_valid_ticks();
+  return in;
+}
+
+ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
+  const Vec3f joint_rad = device::joint_angles(device_, sensors.count, reference_count_);
+  const device::Pose pose = device::evaluate(device_, joint_rad);
+  const bool pose_known = (pose.faults & device::kInvalidAngle) == 0;
+
+  ServoOutput output;
+  // The renderer needs a tick number without gaps of its own making: where the tip is unknown it stays.
+  output.sample = renderer_.isr_tick(timing.tick, pose_known ? pose.tip_m : tip_m_);
+
+  SupervisorInputs in = gather(timing, sensors, pose, output.sample);
+  CommandRequest request;
+  const bool commanded = mailbox_.commands.pop(request);
+  if (commanded) in.command = request.command;
+
+  Decision decision = supervise(state_, in, limits_, challenge_seed_);
+  if (decision.outputs_on) {
+    const CurrentLimit currents = reaction_currents(device_, pose, decision.state.force_N, limits_);
+    output.setpoint_A = currents.setpoint_A;
+    decision.force_limited = decision.force_limited || currents.limited;
+    if (!currents.finite) decision = trip(decision, Fault::not_a_number);
+  }
+
+  if (decision.calibration_begins) rest_count_ = sensors.count;
+  previous_count_ = sensors.count;
+  have_counts_ = true;
+  tip_m_ = pose_known ? pose.tip_m : tip_m_;
+  have_tip_ = pose_known;
+  if (decision.calibration_ends) {
+    reference_count_ = sensors.count;
+    // The tip has moved without having moved: no speed, and no model that knew it elsewhere.
+    have_tip_ = false;
+    renderer_.isr_reset();
+  }
+
+  if (commanded) {
+    // Never full: it holds twice as many as can be under way.
+    (void)mailbox_.replies.push({decision.outcome, decision.state.mode, request.requester});
+  }
+  post(timing, decision);
+  record_flags(timing, decision);
+  state_ = decision.state;
+
+  if (!decision.outputs_on) output.setpoint_A = {};
+  output.outputs_on = decision.outputs_on;
+  output.force_N = state_.force_N;
+  output.mode = state_.mode;
+  output.faults = state_.faults;
+  return output;
+}
+
+void Servo::post(const ServoTiming& timing, const Decision& decision) {
+  const SupervisorState& state = decision.state;
+  if (state.mode != state_.mode) status_due_ = true;
+  if (static_cast<std::int32_t>(timing.tick - next_status_tick_) >= 0) {
+    status_due_ = true;
+    next_status_tick_ = timing.tick - timing.tick % kStatusPeriod_ticks + kStatusPeriod_ticks;
+  }
+  if (status_due_) {
+    status_due_ = !mailbox_.status.push({timing.tick, state.mode, state.faults, state.token,
+                                         timing.missed_deadlines, timing.worst_tick_count});
+  }
+}
+
+void Servo::record_flags(const ServoTiming& timing, const Decision& decision) {
+  std::uint8_t flags = 0;
+  if (decision.outputs_on) flags |= palpate_ServoSample_1_0_FLAG_RENDERING;
+  if (decision.force_limited) flags |= palpate_ServoSample_1_0_FLAG_LIMITED;
+  // Lost ticks have this tick's sample in the renderer's history, and this tick's flags here.
+  const std::uint32_t count = timing.elapsed_ticks < kTipHistory ? timing.elapsed_ticks : kTipHistory;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    flags_[(timing.tick - i) % kTipHistory].store(flags, std::memory_order_relaxed);
+  }
+  next_tick_.store(timing.tick + 1, std::memory_order_release);
+}
+
+bool Servo::sample(std::uint32_t tick, ServoSample& out) const {
+  if (static_cast<std::int32_t>(next_tick() - tick) <= 0) return false;
+  const std::uint8_t flags = flags_[tick % kTipHistory].load(std::memory_order_relaxed);
+  if (!renderer_.sample(tick, out)) return false;
+  out.flags = static_cast<std::uint8_t>(out.flags | flags);
+  return true;
+}
+
+}  // namespace palpate::firmware

@@ -1,0 +1,98 @@
+// The servo tick, without hardware: encoder counts in, motor current set-points out.
+//
+// counts -> joint angles -> tip (shared/device) -> force of the local model (Renderer) -> supervisor
+//        -> joint torques that push the tip with the opposite force, plus gravity -> motor currents.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "firmware/core/mailbox.hpp"
+#include "firmware/core/renderer.hpp"
+#include "firmware/core/supervisor.hpp"
+#include "shared/device/arm.hpp"
+#include "shared/device/encoders.hpp"
+#include "shared/device/parameters.hpp"
+
+namespace palpate::firmware {
+
+// BoardStatus is sent this often, and at each change of mode.
+inline constexpr std::uint32_t kStatusPeriod_ticks = 100;
+
+struct ServoTiming {
+  std::uint32_t tick = 0;
+  std::uint32_t elapsed_ticks = 1;         // since the last tick; more than 1 after lost ticks
+  std::uint32_t new_missed_deadlines = 0;  // since the last tick
+  std::uint32_t missed_deadlines = 0;      // so far
+  std::uint32_t worst_tick_count = 0;      // so far
+};
+
+struct ServoSensors {
+  device::EncoderCounts count{};
+  std::array<float, 3> measured_current_A{};
+  bool emergency_stop_open = false;
+};
+
+struct ServoOutput {
+  bool outputs_on = false;
+  std::array<float, 3> setpoint_A{};  // zeros while outputs are off
+  Vec3f force_N{};                    // of the tip on the body, after limits
+  Mode mode = Mode::boot;
+  FaultSet faults = 0;
+  ServoSample sample{};  // as it stands in the history
+};
+
+// Set-points of the motors that make the tip push with -force_N against the hand, the reaction to the force
+// of the tip on the body, and carry the arm's weight. Any context.
+CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
+                               const Vec3f& force_N, const Limits& limits);
+
+class Servo {
+ public:
+  // The counts of the reference pose are taken as 0 until a calibration. `challenge_seed` as in supervise().
+  Servo(const device::Parameters& device, const Limits& limits, std::uint32_t challenge_seed,
+        Renderer& renderer, Mailbox& mailbox)
+      : device_(device),
+        limits_(limits),
+        challenge_seed_(challenge_seed),
+        renderer_(renderer),
+        mailbox_(mailbox) {}
+
+  // Interrupt context, once per servo tick.
+  ServoOutput isr_tick(const ServoTiming& timing, const ServoSensors& sensors);
+
+  // Background context: the tick after the newest one whose sample is complete; 0: none yet.
+  [[nodiscard]] std::uint32_t next_tick() const { return next_tick_.load(std::memory_order_acquire); }
+  // Background context: the sample of a tick with all its flags, if the history still holds it.
+  bool sample(std::uint32_t tick, ServoSample& out) const;
+
+ private:
+  SupervisorInputs gather(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose,
+                          const ServoSample& sample);
+  void post(const ServoTiming& timing, const Decision& decision);
+  void record_flags(const ServoTiming& timing, const Decision& decision);
+
+  const device::Parameters& device_;
+  const Limits& limits_;
+  std::uint32_t challenge_seed_;
+  Renderer& renderer_;
+  Mailbox& mailbox_;
+
+  // Interrupt's own.
+  SupervisorState state_{};
+  device::EncoderCounts reference_count_{};  // in the reference pose
+  device::EncoderCounts previous_count_{};
+  device::EncoderCounts rest_count_{};  // at the start of a calibration
+  Vec3f tip_m_{};                       // of the last tick whose pose was known
+  bool have_counts_ = false;
+  bool have_tip_ = false;
+  bool status_due_ = true;  // a snapshot that found its ring full is sent later
+  std::uint32_t next_status_tick_ = 0;
+
+  // FLAG_RENDERING and FLAG_LIMITED of each tick: known only after the renderer has recorded its sample.
+  std::array<std::atomic<std::uint8_t>, kTipHistory> flags_{};
+  std::atomic<std::uint32_t> next_tick_{0};
+};
+
+}  // namespace palpate::firmware

@@ -1,0 +1,239 @@
+#include "firmware/core/supervisor.hpp"
+
+#include <cmath>
+
+namespace palpate::firmware {
+namespace {
+
+// Adds without wrapping: an age that has reached its end stays there.
+std::uint32_t saturating_add(std::uint32_t a, std::uint32_t b) {
+  const std::uint32_t sum = a + b;
+  return sum < a ? UINT32_MAX : sum;
+}
+
+bool finite(const std::array<float, 3>& values) {
+  return std::isfinite(values[0]) && std::isfinite(values[1]) && std::isfinite(values[2]);
+}
+
+// A token that nobody sends by accident: the tick and the seed, mixed (finalizer of MurmurHash3); never 0.
+std::uint32_t make_token(std::uint32_t tick, std::uint32_t seed) {
+  std::uint32_t x = tick ^ seed;
+  x = (x ^ (x >> 16)) * 0x85ebca6bu;
+  x = (x ^ (x >> 13)) * 0xc2b2ae35u;
+  x ^= x >> 16;
+  return x != 0 ? x : 1;
+}
+
+void enter(SupervisorState& state, Mode mode) {
+  state.mode = mode;
+  state.mode_age_ticks = 0;
+  state.token = 0;
+  state.token_age_ticks = 0;
+}
+
+// Faults of a broken device: whatever the mode.
+FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  FaultSet faults = 0;
+  if (in.emergency_stop_open) faults |= bit(Fault::emergency_stop);
+  if (in.command.action == Action::stop) faults |= bit(Fault::stop_command);
+  if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !finite(in.measured_current_A) ||
+      !std::isfinite(in.joint_step_rad) || !std::isfinite(in.tip_speed_m_s)) {
+    faults |= bit(Fault::not_a_number);
+  }
+  if (in.joint_step_rad > limits.joint_step_rad) faults |= bit(Fault::encoder_jump);
+  if (state.over_current_ticks >= limits.over_current_ticks) faults |= bit(Fault::over_current);
+  return faults;
+}
+
+// Faults of motion, model and time: harmless while the outputs are off, but they also keep them from being
+// armed.
+FaultSet faults_of_rendering(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  FaultSet faults = 0;
+  if (in.tip_speed_m_s > limits.tip_speed_m_s) faults |= bit(Fault::over_speed);
+  if (!in.inside_workspace) faults |= bit(Fault::outside_workspace);
+  if (norm(in.force_N) > limits.force_fault_N) faults |= bit(Fault::force_implausible);
+  if (state.missed_deadline_level > limits.missed_deadline_bucket) faults |= bit(Fault::deadline_missed);
+  return faults;
+}
+
+void count_over_current(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  bool over = false;
+  for (std::size_t i = 0; i < 3; ++i) {
+    over =
+        over || std::fabs(in.measured_current_A[i]) > limits.motor_current_A[i] * limits.over_current_ratio;
+  }
+  state.over_current_ticks = over ? saturating_add(state.over_current_ticks, in.elapsed_ticks) : 0;
+}
+
+void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  std::uint32_t level = state.missed_deadline_level;
+  level = level > in.elapsed_ticks ? level - in.elapsed_ticks : 0;
+  // Beyond one bucket above the limit more makes no difference; it only keeps the sum from wrapping.
+  const std::uint32_t full = 2 * limits.missed_deadline_bucket;
+  const std::uint32_t missed = in.missed_deadlines < full ? in.missed_deadlines : full;
+  level += missed * limits.missed_deadline_weight;
+  state.missed_deadline_level = level < full ? level : full;
+}
+
+// How much of the model's force is rendered, 0 to 1: soft start after arming, fading beyond the model's
+// horizon.
+float force_scale(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  float scale = 1.0f;
+  if (state.mode_age_ticks < limits.soft_start_ticks) {
+    scale = static_cast<float>(state.mode_age_ticks) / static_cast<float>(limits.soft_start_ticks);
+  }
+  const std::uint32_t horizon =
+      in.model_valid_ticks < limits.model_horizon_ticks ? in.model_valid_ticks : limits.model_horizon_ticks;
+  if (in.model_age_ticks > horizon) {
+    const std::uint32_t over = in.model_age_ticks - horizon;
+    const float fade = over < limits.model_fade_ticks
+                           ? 1.0f - static_cast<float>(over) / static_cast<float>(limits.model_fade_ticks)
+                           : 0.0f;
+    scale *= fade;
+  }
+  return scale;
+}
+
+Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  if (in.model_sequence == 0) return {};
+  Vec3f force_N = in.force_N;
+  const float magnitude_N = norm(force_N);
+  if (magnitude_N > limits.peak_force_N) force_N *= limits.peak_force_N / magnitude_N;
+  // Exactly the model's own force where nothing limits it, so that the record can tell by comparing.
+  const float scale = force_scale(state, in, limits);
+  if (scale != 1.0f) force_N *= scale;
+  const Vec3f change_N = force_N - state.force_N;
+  const float step_N = norm(change_N);
+  const float largest_N = limits.force_step_N * static_cast<float>(in.elapsed_ticks);
+  if (step_N > largest_N) force_N = state.force_N + change_N * (largest_N / step_N);
+  return force_N;
+}
+
+// `always` and `rendering` are the conditions of this tick: both refuse arming; those that only matter while
+// rendering stand neither in the way of CLEAR_FAULT nor of a calibration, which may be their cure.
+Status run_command(SupervisorState& state, const SupervisorInputs& in, const Limits& limits, FaultSet always,
+                   FaultSet rendering, std::uint32_t seed, bool& calibration_begins) {
+  const bool may_arm = state.mode == Mode::idle && always == 0 && rendering == 0 && state.position_trusted;
+  switch (in.command.action) {
+    case Action::nothing:
+      return Status::ok;
+    case Action::stop:  // already among the conditions, which latched it
+      return Status::ok;
+    case Action::disarm:
+      if (state.mode == Mode::render) enter(state, Mode::idle);
+      state.token = 0;
+      return Status::ok;
+    case Action::arm_request:
+      if (!may_arm) return Status::command_refused;
+      state.token = make_token(in.tick, seed);
+      state.token_age_ticks = 0;
+      return Status::ok;
+    case Action::arm_confirm: {
+      if (!may_arm) return Status::command_refused;
+      const bool right = state.token != 0 && in.command.token == state.token &&
+                         state.token_age_ticks <= limits.arming_window_ticks;
+      state.token = 0;  // one try a challenge
+      if (!right) return Status::command_token_wrong;
+      enter(state, Mode::render);
+      return Status::ok;
+    }
+    case Action::calibrate:
+      if (state.mode != Mode::idle || always != 0 || !in.at_rest) return Status::command_refused;
+      enter(state, Mode::calibrate);
+      calibration_begins = true;
+      return Status::ok;
+    case Action::clear_fault:
+      if (state.mode != Mode::fault) return Status::ok;  // nothing to clear
+      if (always != 0) return Status::command_refused;
+      state.faults = 0;
+      enter(state, Mode::idle);
+      return Status::ok;
+  }
+  return Status::command_refused;  // a number that is no action
+}
+
+}  // namespace
+
+Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, const Limits& limits,
+                   std::uint32_t challenge_seed) {
+  Decision decision;
+  SupervisorState& state = decision.state;
+  state = previous;
+  state.mode_age_ticks = saturating_add(state.mode_age_ticks, in.elapsed_ticks);
+  if (state.token != 0) {
+    state.token_age_ticks = saturating_add(state.token_age_ticks, in.elapsed_ticks);
+    if (state.token_age_ticks > limits.arming_window_ticks) state.token = 0;
+  }
+  count_over_current(state, in, limits);
+  count_deadlines(state, in, limits);
+
+  const FaultSet always = faults_always(state, in, limits);
+  const FaultSet rendering = faults_of_rendering(state, in, limits);
+  if ((always & bit(Fault::encoder_jump)) != 0) state.position_trusted = false;
+
+  if (state.mode == Mode::boot && state.mode_age_ticks >= limits.boot_ticks) enter(state, Mode::idle);
+  if (state.mode == Mode::calibrate) {
+    if (!in.at_rest) {
+      enter(state, Mode::idle);  // it moved: the old zero stays
+    } else if (state.mode_age_ticks >= limits.calibration_ticks) {
+      enter(state, Mode::idle);
+      state.position_trusted = true;
+      decision.calibration_ends = true;
+    }
+  }
+
+  decision.outcome.action = in.command.action;
+  decision.outcome.status =
+      run_command(state, in, limits, always, rendering, challenge_seed, decision.calibration_begins);
+
+  const FaultSet present = static_cast<FaultSet>(state.mode == Mode::render ? always | rendering : always);
+  if (present != 0) {
+    if (state.mode != Mode::fault) enter(state, Mode::fault);
+    state.faults = static_cast<FaultSet>(state.faults | present);
+    decision.calibration_begins = false;
+    decision.calibration_ends = false;
+  }
+
+  decision.outputs_on = state.mode == Mode::render;
+  state.force_N = decision.outputs_on ? limited_force(state, in, limits) : Vec3f{};
+  decision.force_limited = decision.outputs_on && !(state.force_N == in.force_N);
+  decision.outcome.token = state.token;
+  return decision;
+}
+
+Decision trip(Decision decision, Fault fault) {
+  SupervisorState& state = decision.state;
+  if (state.mode != Mode::fault) enter(state, Mode::fault);
+  state.faults = static_cast<FaultSet>(state.faults | bit(fault));
+  state.force_N = {};
+  decision.outputs_on = false;
+  decision.force_limited = false;
+  decision.calibration_begins = false;
+  decision.calibration_ends = false;
+  decision.outcome.token = 0;
+  return decision;
+}
+
+CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const Limits& limits) {
+  CurrentLimit result;
+  if (!finite(wanted_A)) {
+    result.finite = false;
+    return result;
+  }
+  float scale = 1.0f;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const float magnitude_A = std::fabs(wanted_A[i]);
+    if (magnitude_A > limits.motor_current_A[i]) {
+      const float fit = limits.motor_current_A[i] / magnitude_A;
+      if (fit < scale) scale = fit;
+    }
+  }
+  result.limited = scale != 1.0f;
+  result.setpoint_A = wanted_A;
+  if (result.limited) {
+    for (float& value_A : result.setpoint_A) value_A *= scale;
+  }
+  return result;
+}
+
+}  // namespace palpate::firmware

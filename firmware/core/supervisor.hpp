@@ -1,0 +1,165 @@
+// The safety supervisor: decides in every servo tick whether the outputs may be on and what force may be
+// rendered.
+//
+// A pure function of state, inputs and limits: no clock, no hardware, no memory of its own, so that tests can
+// walk through every state (docs/safety.md has the rules in words).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "shared/math/linear.hpp"
+#include "shared/status.hpp"
+
+namespace palpate::firmware {
+
+// palpate.BoardStatus MODE_*: values travel over the link, never renumber them.
+enum class Mode : std::uint8_t {
+  boot = 0,       // outputs off; the first ticks after reset
+  idle = 1,       // outputs off; sensors read, trace sent
+  calibrate = 2,  // outputs off; the encoder zero is being set
+  render = 3,     // outputs on
+  fault = 4,      // outputs off, latched until CLEAR_FAULT
+};
+
+// Reasons to switch off, bits of BoardStatus.faults: they add up until CLEAR_FAULT. Never renumber them.
+enum class Fault : std::uint16_t {
+  none = 0,
+  emergency_stop = 1u << 0,     // the chain is open
+  stop_command = 1u << 1,       // palpate.Command STOP
+  not_a_number = 1u << 2,       // NaN or infinity in tip, force, current or torque
+  encoder_jump = 1u << 3,       // a joint moved further in one tick than a hand can move it
+  over_speed = 1u << 4,         // the tip, while outputs were on
+  outside_workspace = 1u << 5,  // the tip, while outputs were on
+  over_current = 1u << 6,       // measured by an amplifier
+  force_implausible = 1u << 7,  // the model asked for far more than any contact can
+  deadline_missed = 1u << 8,    // too many servo ticks came late, while outputs were on
+};
+
+using FaultSet = std::uint16_t;
+constexpr FaultSet bit(Fault fault) {
+  return static_cast<FaultSet>(fault);
+}
+
+// palpate.Command: values travel over the link.
+enum class Action : std::uint8_t {
+  nothing = 0,
+  arm_request = 1,
+  arm_confirm = 2,
+  disarm = 3,
+  calibrate = 4,
+  clear_fault = 5,
+  stop = 6,
+};
+
+struct Command {
+  Action action = Action::nothing;
+  std::uint32_t token = 0;  // only with arm_confirm
+};
+
+// Limits of the supervisor. Defaults are for a PHANTOM 1.5-class arm; the reason stands beside each.
+struct Limits {
+  std::uint32_t boot_ticks = 20;  // encoder and current readings have settled
+  // Arming.
+  std::uint32_t arming_window_ticks = 1000;  // palpate.Command: a forgotten challenge does not stay open
+  std::uint32_t soft_start_ticks =
+      100;  // a hand reacts in about 150 ms: the force must not step when armed in contact
+  // Force, of the tip on the body.
+  float peak_force_N = 8.5f;  // the device's peak force, SensAble data sheet: more is heat
+  float force_step_N =
+      1.0f;  // largest change per tick; 8.5 N in 9 ms, well above stick-slip jumps of 0.5 N (§5)
+  float force_fault_N = 100.0f;  // 12 times the peak: no hand presses so; a diverging model passes it at once
+  // Local model: within its horizon it is rendered, then its force fades to zero.
+  std::uint32_t model_horizon_ticks =
+      1000;  // whatever the model says: the hybrid model is within 1.5 % for a second
+  std::uint32_t model_fade_ticks = 200;  // slow enough to feel as a weakening, not as a drop
+  // Motion.
+  float joint_step_rad = 0.05f;  // per tick: 50 rad/s, 10 m/s at the tip; a lost or spurious quadrature state
+  float tip_speed_m_s =
+      2.5f;  // released at full force the arm reaches 2 m/s within 2 cm; a hand stays below 1.5
+  std::uint32_t calibration_ticks = 100;      // rest before a calibration counts
+  std::int32_t calibration_motion_count = 1;  // per joint during that time: flicker of one count is rest
+  // Currents.
+  std::array<float, 3> motor_current_A{7.0f, 7.0f,
+                                       7.0f};  // set-points; 8.5 N at the reference pose take 6.97 A
+  float over_current_ratio = 1.5f;             // measured to set-point limit: overshoot of the amplifier
+  std::uint32_t over_current_ticks = 5;        // for as long without a break
+  // Deadlines: a bucket that each missed deadline fills and each tick in time drains by one.
+  std::uint32_t missed_deadline_weight = 100;
+  std::uint32_t missed_deadline_bucket =
+      500;  // over 5 missed within half a second: force and motion are out of step
+};
+
+// Supervisor state; one writer, the servo interrupt. Everything about time is an age, so states can be
+// compared.
+struct SupervisorState {
+  Mode mode = Mode::boot;
+  FaultSet faults = 0;
+  std::uint32_t mode_age_ticks = 0;  // since the mode was entered
+  std::uint32_t token = 0;           // open challenge of arming; 0: none
+  std::uint32_t token_age_ticks = 0;
+  std::uint32_t over_current_ticks = 0;     // in a row
+  std::uint32_t missed_deadline_level = 0;  // the bucket
+  bool position_trusted = true;             // false after an encoder jump, until a calibration
+  Vec3f force_N{};                          // as rendered in the last tick
+
+  friend bool operator==(const SupervisorState&, const SupervisorState&) = default;
+};
+
+// What one tick brings.
+struct SupervisorInputs {
+  std::uint32_t tick = 0;
+  std::uint32_t elapsed_ticks = 1;     // since the last call; more than 1 after lost ticks
+  std::uint32_t missed_deadlines = 0;  // since the last call
+  bool emergency_stop_open = false;
+  Command command{};  // at most one per tick
+  // Sensors and kinematics.
+  Vec3f tip_m{};             // device frame
+  float joint_step_rad = 0;  // largest change of a joint since the last call, per elapsed tick
+  float tip_speed_m_s = 0;
+  bool inside_workspace = true;
+  bool at_rest = true;  // no joint moved by more than calibration_motion_count since calibration began
+  std::array<float, 3> measured_current_A{};
+  // Local model.
+  Vec3f force_N{};                   // of the tip on the body as the model asks for it
+  std::uint32_t model_sequence = 0;  // 0: no model
+  std::uint32_t model_age_ticks = 0;
+  std::uint32_t model_valid_ticks = 0;  // its own horizon
+};
+
+struct CommandOutcome {
+  Action action = Action::nothing;  // nothing: there was no command
+  Status status = Status::ok;
+  std::uint32_t token = 0;  // challenge that is open now
+};
+
+// What the tick is to do.
+struct Decision {
+  SupervisorState state{};  // to be passed to the next call
+  bool outputs_on = false;
+  bool force_limited = false;       // the force below is not the model's
+  bool calibration_begins = false;  // remember the present counts
+  bool calibration_ends = false;    // the present pose becomes the reference pose
+  CommandOutcome outcome{};
+};
+
+// One servo tick. Outputs are on only in Mode::render, and only ARM_CONFIRM with the token of a challenge
+// that is at most limits.arming_window_ticks old leads there. Every fault that this tick shows is in the
+// decision of this tick. `challenge_seed` makes tokens differ between boards and boots.
+Decision supervise(const SupervisorState& state, const SupervisorInputs& inputs, const Limits& limits,
+                   std::uint32_t challenge_seed);
+
+// The decision with `fault` latched and outputs off: for what shows only after supervise(), within the same
+// tick.
+Decision trip(Decision decision, Fault fault);
+
+// Set-points within limits.motor_current_A. All three shrink by one factor, so the force keeps its direction.
+// Returns false, and zeros, when one is not finite.
+struct CurrentLimit {
+  std::array<float, 3> setpoint_A{};
+  bool limited = false;
+  bool finite = true;
+};
+CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const Limits& limits);
+
+}  // namespace palpate::firmware

@@ -1,0 +1,251 @@
+#include "firmware/link/endpoint.hpp"
+
+#include <algorithm>
+
+namespace palpate::firmware {
+namespace {
+
+// Bytes moved out of the receive ring at a time; small, for it lies on the stack.
+constexpr std::size_t kChunk = 128;
+
+template <class Array>
+void set_text(Array& field, std::string_view text) {
+  field.count = std::min(text.size(), sizeof(field.elements));
+  std::copy_n(text.begin(), field.count, field.elements);
+}
+
+palpate_ServoSample_1_0 to_message(const ServoSample& sample) {
+  palpate_ServoSample_1_0 message{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    message.tip_m[i] = sample.tip_m[i];
+    message.force_N[i] = sample.force_N[i];
+  }
+  message.mode = static_cast<std::uint8_t>(sample.mode);
+  message.flags = sample.flags;
+  message.triangle = sample.triangle;
+  return message;
+}
+
+}  // namespace
+
+void Endpoint::run() {
+  receive();
+  ModelReport report;
+  if (renderer_.catch_up(report)) note(report);
+  send_replies();
+  send_status();
+  send_traces();
+  resend_traces();
+}
+
+void Endpoint::receive() {
+  std::array<std::uint8_t, kChunk> chunk{};
+  // The ring may be filled while it is emptied: not more than it holds, or a busy link could hold up the
+  // rest.
+  for (std::size_t i = 0; i < kLinkReceiveCapacity / kChunk; ++i) {
+    std::span<const std::uint8_t> bytes(chunk.data(), link_.received.read(chunk));
+    if (bytes.empty()) return;
+    while (!bytes.empty()) {
+      const wire::Reception reception = receiver_.receive(bytes);
+      bytes = bytes.subspan(reception.consumed);
+      const wire::ReceiverCounters& seen = receiver_.counters();
+      if (seen.refused() != faults_seen_) {
+        faults_seen_ = seen.refused();
+        counters_.last_status = seen.last_fault;
+      }
+      if (reception.complete) dispatch(reception.frame);
+    }
+  }
+}
+
+void Endpoint::dispatch(const wire::Frame& frame) {
+  const wire::FrameHeader& header = frame.header;
+  if (!wire::addressed_to(header, wire::kBoardNode)) return;  // for another node: none of ours
+  if (transfers_.observe(header, servo_.next_tick()) == wire::TransferKind::repeat) return;
+  Status status = Status::port_unknown;
+  switch (header.specifier) {
+    case wire::MessageTraits<palpate_LocalModel_1_0>::kSpecifier: {
+      ModelReport report;
+      if (renderer_.accept(frame.payload, report) != Status::ok) note(report);
+      return;
+    }
+    case wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier:
+      status = take_trace_request(frame);
+      break;
+    case wire::MessageTraits<palpate_Command_Request_1_0>::kSpecifier:
+      status = take_command(frame);
+      break;
+    case wire::MessageTraits<palpate_GetInfo_Request_1_0>::kSpecifier:
+      status = send_info(frame);
+      break;
+    default:
+      break;
+  }
+  if (status != Status::ok) refuse(status);
+}
+
+Status Endpoint::take_command(const wire::Frame& frame) {
+  palpate_Command_Request_1_0 request;
+  if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
+  const CommandRequest command{{static_cast<Action>(request.action), request._token},
+                               {frame.header.source, frame.header.transfer_id}};
+  return mailbox_.commands.push(command) ? Status::ok : Status::command_refused;
+}
+
+Status Endpoint::send_info(const wire::Frame& frame) {
+  palpate_GetInfo_Response_1_0 info{};
+  info.schema_hash = wire::kSchemaHash;
+  set_text(info.board, identity_.board);
+  set_text(info.firmware, identity_.firmware);
+  info.max_modes = kMaxModes;
+  info.max_basis = kMaxBasis;
+  info.max_nodes = kMaxSurfaceNodes;
+  info.max_triangles = kMaxTriangles;
+  info.tick_rate_Hz = kServoRate_Hz;
+  info.tip_history_ticks = kTipHistory;
+  (void)send(info, response<palpate_GetInfo_Response_1_0>({frame.header.source, frame.header.transfer_id}));
+  return Status::ok;
+}
+
+Status Endpoint::take_trace_request(const wire::Frame& frame) {
+  palpate_TraceRequest_1_0 request;
+  if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
+  if (request.count > kTipHistory) return Status::payload_malformed;
+  if (request_count_ == requests_.size()) return Status::command_refused;
+  requests_[request_count_++] = {request.first_tick, request.count};
+  return Status::ok;
+}
+
+void Endpoint::note(const ModelReport& report) {
+  if (report.status == Status::ok) {
+    ++counters_.models_taken;
+  } else {
+    ++counters_.models_refused;
+    counters_.last_status = report.status;
+  }
+  palpate_ModelReport_1_0 message{};
+  message.sequence = report.sequence;
+  message.status = static_cast<std::uint8_t>(report.status);
+  message.model_tick = report.model_tick;
+  message.swap_tick = report.swap_tick;
+  (void)send(message, publication<palpate_ModelReport_1_0>(report_transfers_));
+}
+
+void Endpoint::send_replies() {
+  CommandReply reply;
+  while (mailbox_.replies.pop(reply)) {
+    if (reply.outcome.status != Status::ok) counters_.last_status = reply.outcome.status;
+    palpate_Command_Response_1_0 message{};
+    message.status = static_cast<std::uint8_t>(reply.outcome.status);
+    message.mode = static_cast<std::uint8_t>(reply.mode);
+    message._token = reply.outcome.token;
+    (void)send(message, response<palpate_Command_Response_1_0>(reply.requester));
+  }
+}
+
+void Endpoint::send_status() {
+  StatusSnapshot snapshot;
+  while (mailbox_.status.pop(snapshot)) {
+    const wire::ReceiverCounters& received = receiver_.counters();
+    palpate_BoardStatus_1_0 message{};
+    message.sequence = status_sequence_++;
+    message.schema_hash = wire::kSchemaHash;
+    message.tick = snapshot.tick;
+    message.mode = static_cast<std::uint8_t>(snapshot.mode);
+    message.last_status = static_cast<std::uint8_t>(counters_.last_status);
+    message.faults = snapshot.faults;
+    message._token = snapshot.token;
+    message.models_taken = counters_.models_taken;
+    message.models_refused = counters_.models_refused;
+    message.frames_received = received.frames;
+    message.frames_refused = received.refused() + counters_.frames_refused;
+    message.frames_lost = transfers_.lost();
+    message.frames_unsent = counters_.frames_unsent;
+    message.missed_deadlines = snapshot.missed_deadlines;
+    message.worst_tick_count = snapshot.worst_tick_count;
+    message.clock_Hz = clock_Hz_;
+    (void)send(message, publication<palpate_BoardStatus_1_0>(status_transfers_));
+  }
+}
+
+std::uint32_t Endpoint::send_trace(std::uint32_t first_tick, std::uint32_t count) {
+  std::uint32_t held = 0;
+  trace_.first_tick = first_tick;
+  for (ServoSample sample; held < count && servo_.sample(first_tick + held, sample); ++held) {
+    trace_.samples.elements[held] = to_message(sample);
+  }
+  if (held == 0) return 0;
+  trace_.samples.count = held;
+  trace_.sequence = trace_sequence_++;
+  (void)send(trace_, publication<palpate_ServoTrace_1_0>(trace_transfers_));
+  return held;
+}
+
+void Endpoint::send_traces() {
+  for (std::uint32_t i = 0; i < kTracesPerRun; ++i) {
+    const std::uint32_t ready = servo_.next_tick() - next_trace_tick_;
+    if (ready < kTraceTicks) return;
+    // What the history no longer holds is lost to the trace; half a history ahead is safely held.
+    if (ready >= kTipHistory - kTraceTicks) next_trace_tick_ += ready - kTipHistory / 2;
+    (void)send_trace(next_trace_tick_, kTraceTicks);
+    next_trace_tick_ += kTraceTicks;
+  }
+}
+
+void Endpoint::resend_traces() {
+  if (request_count_ == 0) return;
+  constexpr std::uint32_t kMostTicks = palpate_ServoTrace_1_0_samples_ARRAY_CAPACITY_;
+  if (link_.transmit.free() < frame_.size() + kResendReserve) return;
+  TickRange& request = requests_.front();
+  // Ticks that have not happened, or are forgotten, are passed over: the request says "as far as the history
+  // reaches".
+  ServoSample sample;
+  while (request.count > 0 && !servo_.sample(request.first_tick, sample)) {
+    ++request.first_tick;
+    --request.count;
+  }
+  const std::uint32_t sent = send_trace(request.first_tick, std::min(request.count, kMostTicks));
+  request.first_tick += sent;
+  request.count -= sent;
+  if (request.count == 0) {
+    std::copy(requests_.begin() + 1, requests_.end(), requests_.begin());
+    --request_count_;
+  }
+}
+
+void Endpoint::refuse(Status status) {
+  ++counters_.frames_refused;
+  counters_.last_status = status;
+}
+
+template <class Message>
+bool Endpoint::send(const Message& message, const wire::FrameHeader& header) {
+  std::size_t length = 0;
+  std::size_t frame_length = 0;
+  if (wire::serialize(message, payload_, length) == Status::ok) {
+    frame_length = wire::encode_frame(header, std::span(payload_).first(length), frame_);
+  }
+  if (frame_length != 0 && link_.transmit.write(std::span(frame_).first(frame_length))) return true;
+  ++counters_.frames_unsent;
+  return false;
+}
+
+template <class Message>
+wire::FrameHeader Endpoint::publication(std::uint64_t& transfers) const {
+  return {.priority = wire::Priority::nominal,
+          .source = wire::kBoardNode,
+          .destination = wire::kBroadcast,
+          .specifier = wire::MessageTraits<Message>::kSpecifier,
+          .transfer_id = transfers++};
+}
+
+template <class Response>
+wire::FrameHeader Endpoint::response(const Requester& requester) const {
+  return {.priority = wire::Priority::high,
+          .source = wire::kBoardNode,
+          .destination = requester.node,
+          .specifier = wire::MessageTraits<Response>::kSpecifier,
+          .transfer_id = requester.transfer_id};
+}
+
+}  // namespace palpate::firmware

@@ -1,0 +1,108 @@
+// The board's end of the link: bytes to messages, messages to the renderer and the supervisor, answers and
+// traces back.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/core/mailbox.hpp"
+#include "firmware/core/renderer.hpp"
+#include "firmware/core/servo.hpp"
+#include "firmware/ports/ports.hpp"
+#include "shared/wire/frame_receiver.hpp"
+#include "shared/wire/messages.hpp"
+#include "shared/wire/transfer_monitor.hpp"
+
+namespace palpate::firmware {
+
+// Servo ticks in one palpate.ServoTrace as they happen: 4 ms of latency, and a frame overhead of a quarter.
+inline constexpr std::uint32_t kTraceTicks = 4;
+// Traces sent in one background run: catches up after an overrun without flooding the link.
+inline constexpr std::uint32_t kTracesPerRun = 4;
+// Bytes that resending leaves free in the transmit ring for what is new.
+inline constexpr std::uint32_t kResendReserve = 1024;
+// Trace requests that may wait for their turn.
+inline constexpr std::size_t kPendingTraceRequests = 4;
+
+// Background context throughout; one owner.
+class Endpoint {
+ public:
+  Endpoint(Renderer& renderer, const Servo& servo, Mailbox& mailbox, LinkBuffers& link,
+           const BoardIdentity& identity, std::uint32_t clock_Hz)
+      : renderer_(renderer),
+        servo_(servo),
+        mailbox_(mailbox),
+        link_(link),
+        identity_(identity),
+        clock_Hz_(clock_Hz) {}
+
+  // Once per servo tick: takes what the link has received, sends what is due. Its work is bounded: by the
+  // receive ring, by kCatchUpWork, and by a fixed number of frames of each kind.
+  void run();
+
+  // What became of the frames so far.
+  struct Counters {
+    std::uint32_t models_taken = 0;
+    std::uint32_t models_refused = 0;
+    std::uint32_t frames_refused = 0;  // good frames that mean nothing here: port, payload, or no room
+    std::uint32_t frames_unsent = 0;
+    Status last_status = Status::ok;  // the last that was not ok
+  };
+  [[nodiscard]] const Counters& counters() const { return counters_; }
+
+ private:
+  void receive();
+  void dispatch(const wire::Frame& frame);
+  Status take_command(const wire::Frame& frame);
+  Status send_info(const wire::Frame& frame);
+  Status take_trace_request(const wire::Frame& frame);
+  void note(const ModelReport& report);
+  void send_replies();
+  void send_status();
+  void send_traces();
+  void resend_traces();
+  // Sends first_tick and the ticks after it, at most `count`. Returns how many the history still held.
+  std::uint32_t send_trace(std::uint32_t first_tick, std::uint32_t count);
+  void refuse(Status status);
+
+  // False when the frame did not fit in the transmit ring: dropped whole, and counted.
+  template <class Message>
+  bool send(const Message& message, const wire::FrameHeader& header);
+  // Header of the next message on a subject; counts its transfers.
+  template <class Message>
+  wire::FrameHeader publication(std::uint64_t& transfers) const;
+  template <class Response>
+  wire::FrameHeader response(const Requester& requester) const;
+
+  Renderer& renderer_;
+  const Servo& servo_;
+  Mailbox& mailbox_;
+  LinkBuffers& link_;
+  BoardIdentity identity_;
+  std::uint32_t clock_Hz_;
+
+  wire::FrameReceiver<wire::kLargestPayloadToBoard> receiver_;
+  wire::TransferMonitor transfers_;
+  Counters counters_{};
+  std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of
+
+  std::uint64_t trace_transfers_ = 0, status_transfers_ = 0, report_transfers_ = 0;
+  std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
+  std::uint32_t next_trace_tick_ = 0;
+  struct TickRange {
+    std::uint32_t first_tick = 0;
+    std::uint32_t count = 0;
+  };
+  std::array<TickRange, kPendingTraceRequests> requests_{};
+  std::size_t request_count_ = 0;
+
+  // Scratch; too large for the stack.
+  static constexpr std::size_t kLargestPayload = wire::kLargestPayloadToHost;
+  palpate_ServoTrace_1_0 trace_{};
+  std::array<std::uint8_t, kLargestPayload> payload_{};
+  std::array<std::uint8_t, wire::max_frame_bytes(kLargestPayload)> frame_{};
+};
+
+}  // namespace palpate::firmware

@@ -1,0 +1,127 @@
+// What a board must provide. The firmware above knows nothing else of the hardware; each port is a C++20
+// concept, and a board is one object that fulfils them all.
+//
+// Contexts. "Interrupt" is the servo tick: the highest priority, nothing on the board delays it. "Background"
+// is the main loop, which the interrupt may interrupt anywhere. A function prefixed isr_ is called from the
+// interrupt only, every other from the background only. No function may block, allocate, or take longer than
+// it must.
+#pragma once
+
+#include <array>
+#include <concepts>
+#include <cstdint>
+#include <string_view>
+
+#include "firmware/ports/spsc_ring.hpp"
+#include "shared/math/linear.hpp"
+
+namespace palpate::firmware {
+
+inline constexpr std::uint32_t kServoRate_Hz = 1000;
+
+// Permission to switch the amplifiers on. Only Outputs (firmware/core/outputs.hpp) can make one, so no other
+// code can call a board's isr_enable_amplifiers().
+class EnableKey {
+  template <class Board>
+  friend class Outputs;
+  EnableKey() = default;
+};
+
+// Joint encoders.
+template <class B>
+concept EncoderPort = requires(B& board) {
+  // Counts of the three joint encoders as latched by isr_begin_tick(); signs and scale as in shared/device.
+  { board.isr_encoder_counts() } -> std::same_as<std::array<std::int32_t, 3>>;
+};
+
+// Motor current amplifiers. After reset they are disabled with set-points of zero.
+template <class B>
+concept AmplifierPort = requires(B& board, const std::array<float, 3>& setpoint_A, EnableKey key) {
+  // Set-points; they take effect while the amplifiers are enabled.
+  { board.isr_set_currents(setpoint_A) } -> std::same_as<void>;
+  // Idempotent: called in every tick in which the outputs are to be on.
+  { board.isr_enable_amplifiers(key) } -> std::same_as<void>;
+  // Idempotent, must not fail: called in every tick in which the outputs are to be off.
+  { board.isr_disable_amplifiers() } -> std::same_as<void>;
+  // Measured motor currents as latched by isr_begin_tick().
+  { board.isr_measured_currents_A() } -> std::same_as<std::array<float, 3>>;
+};
+
+// The emergency-stop chain as latched by isr_begin_tick(): true when it is open, which must include a broken
+// wire.
+template <class B>
+concept EmergencyStopPort = requires(B& board) {
+  { board.isr_emergency_stop_open() } -> std::same_as<bool>;
+};
+
+// A counter that runs freely upwards and wraps modulo 2^32, in step with the timer that raises the servo
+// interrupt.
+template <class B>
+concept ClockPort = requires(const B& board) {
+  // Any context.
+  { board.clock_count() } -> std::same_as<std::uint32_t>;
+  // Constant, a multiple of kServoRate_Hz; 0 on a board without such a counter: then no deadline can be
+  // missed.
+  { board.clock_Hz() } -> std::same_as<std::uint32_t>;
+  // Count at which the first servo interrupt was due: to within a tenth of a tick, and not too late.
+  // Interrupt context.
+  { board.first_due_count() } -> std::same_as<std::uint32_t>;
+};
+
+// The byte link to the host: two rings, and a hint. The board's driver produces into `received` and consumes
+// from `transmit`; the firmware's background does the opposite. Bytes that do not fit in `received` are the
+// driver's to drop: the framing above notices.
+inline constexpr std::uint32_t kLinkReceiveCapacity = 4096;   // two ticks of 12 Mbaud
+inline constexpr std::uint32_t kLinkTransmitCapacity = 4096;  // about 25 traces of 4 ticks
+struct LinkBuffers {
+  SpscRing<std::uint8_t, kLinkReceiveCapacity> received;
+  SpscRing<std::uint8_t, kLinkTransmitCapacity> transmit;
+};
+template <class B>
+concept LinkPort = requires(B& board) {
+  { board.link() } -> std::same_as<LinkBuffers&>;
+  // There may be something new to transmit: a driver that is fed by interrupts starts itself here.
+  { board.start_transmit() } -> std::same_as<void>;
+};
+
+// What the firmware did in a tick, for boards that record it (the emulated ones). It is never fed back.
+struct TickReport {
+  std::uint32_t tick = 0;
+  std::uint32_t next_tick = 0;
+  Vec3f tip_m{};    // device frame
+  Vec3f force_N{};  // of the tip on the body, after limits
+  std::uint32_t contact_mode = 0;
+  std::uint32_t triangle = 0;
+  Vec3f barycentric{};
+  std::uint32_t mode = 0;    // Mode
+  std::uint32_t faults = 0;  // bits of Fault
+  std::uint32_t model_sequence = 0;
+  std::uint32_t model_age_ticks = 0;
+  std::uint32_t catch_up_ticks = 0;
+  std::uint32_t missed_deadlines = 0;
+  std::uint32_t background_overruns = 0;
+  std::uint32_t tick_count = 0;
+  std::uint32_t busy_count = 0;
+  std::uint32_t clock_Hz = 0;
+};
+
+// Start and end of a servo tick.
+template <class B>
+concept TickPort = requires(B& board, const TickReport& report, std::uint32_t tick) {
+  // First thing in the interrupt: latches encoders, currents and emergency stop for this tick.
+  { board.isr_begin_tick(tick) } -> std::same_as<void>;
+  // Last thing in the interrupt, after the outputs are set.
+  { board.isr_end_tick(report) } -> std::same_as<void>;
+};
+
+template <class B>
+concept BoardPort =
+    EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && ClockPort<B> && LinkPort<B> && TickPort<B>;
+
+// What the board calls itself; at most 32 bytes each (palpate.GetInfo).
+struct BoardIdentity {
+  std::string_view board;
+  std::string_view firmware;
+};
+
+}  // namespace palpate::firmware

@@ -1,0 +1,301 @@
+"""The other end of an emulated board, for tests: plant and host in a few lines, independent of the project's own host.
+
+Frames are those of boards/lockstep/exchange.hpp; link frames are Cyphal/serial as docs/protocol.md describes them.
+"""
+
+import contextlib
+import os
+import pathlib
+import select
+import struct
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
+BUILD_HOST = REPOSITORY / os.environ.get("PALPATE_BUILD_HOST", "build/host")
+BUILD_MPS2 = REPOSITORY / os.environ.get("PALPATE_BUILD_MPS2", "build/mps2_an386")
+NATIVE_IMAGE = BUILD_HOST / "boards/native/palpate_native"
+MPS2_IMAGE = BUILD_MPS2 / "boards/mps2_an386/palpate_mps2_an386.elf"
+
+# boards/lockstep/exchange.hpp
+EMERGENCY_STOP, SHUTDOWN, BURN_CYCLES, CRASH = 1, 2, 4, 8
+EXIT_SHUTDOWN, EXIT_USAGE, EXIT_NO_CHANNEL, EXIT_PEER_CLOSED, EXIT_PROTOCOL_ERROR, EXIT_PROCESSOR_FAULT = range(6)
+LINK_BYTES_PER_TICK = 2048
+_SENSOR_MAGIC, _ACTUATOR_MAGIC = 0x314E5350, 0x31434150
+_SENSOR = struct.Struct("<II3i3fII")
+_ACTUATOR_FIELDS = np.dtype([
+    ("magic", "<u4"), ("tick", "<u4"), ("next_tick", "<u4"), ("setpoint_A", "<f4", 3), ("enabled", "<u4"),
+    ("tip_m", "<f4", 3), ("force_N", "<f4", 3), ("contact_mode", "<u4"), ("triangle", "<u4"),
+    ("barycentric", "<f4", 3), ("mode", "<u4"), ("faults", "<u4"), ("model_sequence", "<u4"),
+    ("model_age_ticks", "<u4"), ("catch_up_ticks", "<u4"), ("missed_deadlines", "<u4"), ("background_overruns", "<u4"),
+    ("tick_count", "<u4"), ("busy_count", "<u4"), ("clock_Hz", "<u4"), ("link_length", "<u4"),
+    ("link", "u1", LINK_BYTES_PER_TICK)])
+assert _SENSOR.size == 40 and _ACTUATOR_FIELDS.itemsize == 116 + LINK_BYTES_PER_TICK
+
+# shared/status.hpp and palpate.BoardStatus
+OK, PAYLOAD_CRC_MISMATCH, PORT_UNKNOWN, COMMAND_REFUSED, TOKEN_WRONG = 0, 6, 16, 48, 49
+MODE_BOOT, MODE_IDLE, MODE_CALIBRATE, MODE_RENDER, MODE_FAULT = range(5)
+FAULT_EMERGENCY_STOP, FAULT_STOP_COMMAND, FAULT_ENCODER_JUMP, FAULT_DEADLINE = 1, 2, 8, 256
+# palpate.Command
+ARM_REQUEST, ARM_CONFIRM, DISARM, CALIBRATE, CLEAR_FAULT, STOP = range(1, 7)
+
+# A board that does not answer within this has hung: far above what the slowest machine needs for one tick.
+_WATCHDOG_S = 20.0
+
+
+class LinkCodec:
+    """Cyphal/serial frames of single-frame transfers: 00 | COBS(header | payload | CRC-32C) | 00."""
+
+    HOST_NODE, BOARD_NODE, BROADCAST = 10, 42, 0xFFFF
+    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, LOCAL_MODEL, TRACE_REQUEST = 1600, 1601, 1602, 1610, 1611
+    COMMAND, GET_INFO = 300, 301
+    _HEADER = struct.Struct("<BBHHHQIH")
+
+    @staticmethod
+    def crc16(data: bytes) -> int:
+        """CRC-16/CCITT-FALSE."""
+        crc = 0xFFFF
+        for byte in data:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1) ^ (0x1021 if crc & 0x8000 else 0)
+        return crc & 0xFFFF
+
+    @staticmethod
+    def crc32c(data: bytes) -> int:
+        crc = 0xFFFFFFFF
+        for byte in data:
+            crc ^= byte
+            for _ in range(8):
+                crc = (crc >> 1) ^ (0x82F63B78 if crc & 1 else 0)
+        return crc ^ 0xFFFFFFFF
+
+    @staticmethod
+    def cobs_encode(data: bytes) -> bytes:
+        out = bytearray()
+        for group in data.split(b"\0"):
+            while len(group) >= 254:
+                out += b"\xff" + group[:254]
+                group = group[254:]
+            out += bytes([len(group) + 1]) + group
+        return bytes(out)
+
+    @staticmethod
+    def cobs_decode(data: bytes) -> bytes:
+        out, at = bytearray(), 0
+        while at < len(data):
+            code = data[at]
+            out += data[at + 1:at + code]
+            at += code
+            if code != 0xFF and at < len(data):
+                out.append(0)
+        return bytes(out)
+
+    @classmethod
+    def encode(cls, specifier: int, transfer_id: int, payload: bytes, destination: int = BOARD_NODE) -> bytes:
+        header = cls._HEADER.pack(1, 4, cls.HOST_NODE, destination, specifier, transfer_id, 0x80000000, 0)
+        header += struct.pack(">H", cls.crc16(header))
+        return b"\0" + cls.cobs_encode(header + payload + struct.pack("<I", cls.crc32c(payload))) + b"\0"
+
+    @classmethod
+    def request(cls, service: int, transfer_id: int, payload: bytes = b"") -> bytes:
+        return cls.encode(0xC000 | service, transfer_id, payload)
+
+    @classmethod
+    def command(cls, transfer_id: int, action: int, token: int = 0) -> bytes:
+        return cls.request(cls.COMMAND, transfer_id, struct.pack("<B3xI", action, token))
+
+
+@dataclass(frozen=True)
+class LinkFrame:
+    """A frame from the board; `port` is the subject or service."""
+
+    port: int
+    transfer_id: int
+    payload: bytes
+    is_response: bool
+
+
+class LinkReader:
+    """Bytes from the board in, frames out; every frame must be good."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[LinkFrame]:
+        self._buffer += data
+        frames = []
+        while (end := self._buffer.find(0)) >= 0:
+            raw = LinkCodec.cobs_decode(bytes(self._buffer[:end]))
+            del self._buffer[:end + 1]
+            if raw:
+                frames.append(self._parse(raw))
+        return frames
+
+    @staticmethod
+    def _parse(raw: bytes) -> LinkFrame:
+        payload = raw[24:-4]
+        assert LinkCodec.crc16(raw[:22]) == int.from_bytes(raw[22:24], "big"), "header CRC"
+        assert LinkCodec.crc32c(payload) == int.from_bytes(raw[-4:], "little"), "payload CRC"
+        version, _, source, _, specifier, transfer_id, index, _ = LinkCodec._HEADER.unpack(raw[:22])
+        assert (version, source, index) == (1, LinkCodec.BOARD_NODE, 0x80000000)
+        assert specifier < 0xC000, "the board sends no requests"
+        return LinkFrame(specifier & 0x3FFF, transfer_id, payload, bool(specifier & 0x8000))
+
+
+BOARD_STATUS = np.dtype([
+    ("sequence", "<u4"), ("schema_hash", "<u8"), ("tick", "<u4"), ("mode", "u1"), ("last_status", "u1"),
+    ("faults", "<u2"), ("token", "<u4"), ("models_taken", "<u4"), ("models_refused", "<u4"),
+    ("frames_received", "<u4"), ("frames_refused", "<u4"), ("frames_lost", "<u4"), ("frames_unsent", "<u4"),
+    ("missed_deadlines", "<u4"), ("worst_tick_count", "<u4"), ("clock_Hz", "<u4")])
+SERVO_SAMPLE = np.dtype([("tip_m", "<f4", 3), ("force_N", "<f4", 3), ("mode", "u1"), ("flags", "u1"),
+                         ("triangle", "<u2")])
+
+
+@dataclass(frozen=True)
+class BoardInfo:
+    """palpate.GetInfo response."""
+
+    schema_hash: int
+    board: str
+    firmware: str
+    max_modes: int
+    max_basis: int
+    max_nodes: int
+    max_triangles: int
+    tick_rate_Hz: int
+    tip_history_ticks: int
+
+    @classmethod
+    def parse(cls, payload: bytes) -> "BoardInfo":
+        (schema_hash,), at = struct.unpack_from("<Q", payload), 8
+        texts = []
+        for _ in range(2):
+            length = payload[at]
+            texts.append(payload[at + 1:at + 1 + length].decode())
+            at += 1 + length
+        return cls(schema_hash, *texts, *struct.unpack_from("<HHBBHI", payload, at))
+
+
+def parse_status(payload: bytes) -> np.void:
+    return np.frombuffer(payload, BOARD_STATUS, 1)[0]
+
+
+def parse_trace(payload: bytes) -> tuple[int, int, np.ndarray]:
+    """Returns sequence, first tick and samples."""
+    sequence, first_tick, count = struct.unpack_from("<IIB", payload)
+    return sequence, first_tick, np.frombuffer(payload, SERVO_SAMPLE, count, 9)
+
+
+@dataclass
+class Lockstep:
+    """A running board, tick by tick."""
+
+    process: subprocess.Popen
+    actuator_fd: int
+    sensor_fd: int
+    reader: LinkReader = field(default_factory=LinkReader)
+    next_tick: int = 0
+    sent: bytearray = field(default_factory=bytearray)  # everything that the board wrote
+    frames: list[LinkFrame] = field(default_factory=list)
+
+    def send(self, flags: int = 0, encoder: tuple = (0, 0, 0), current_A: tuple = (0.0, 0.0, 0.0), link: bytes = b"",
+             tick: int | None = None) -> None:
+        frame = _SENSOR.pack(_SENSOR_MAGIC, self.next_tick if tick is None else tick, *encoder, *current_A, flags,
+                             len(link))
+        os.write(self.sensor_fd, frame + link.ljust(LINK_BYTES_PER_TICK, b"\0"))
+
+    def receive(self) -> np.void | None:
+        """The next ActuatorFrame; None at the end of the stream."""
+        data = b""
+        deadline = time.monotonic() + _WATCHDOG_S
+        while len(data) < _ACTUATOR_FIELDS.itemsize:
+            if not select.select([self.actuator_fd], [], [], max(0.0, deadline - time.monotonic()))[0]:
+                raise TimeoutError("the board does not answer")
+            part = os.read(self.actuator_fd, _ACTUATOR_FIELDS.itemsize - len(data))
+            if not part:
+                return None
+            data += part
+        frame = np.frombuffer(data, _ACTUATOR_FIELDS, 1)[0]
+        assert frame["magic"] == _ACTUATOR_MAGIC
+        self.sent += data
+        self.next_tick = int(frame["next_tick"])
+        self.frames += self.reader.feed(bytes(frame["link"][:frame["link_length"]]))
+        return frame
+
+    def tick(self, **inputs) -> np.void:
+        expected = self.next_tick
+        self.send(**inputs)
+        frame = self.receive()
+        assert frame is not None and frame["tick"] == expected
+        return frame
+
+    def run(self, ticks: int, **inputs) -> np.void:
+        for _ in range(ticks):
+            frame = self.tick(**inputs)
+        return frame
+
+    def take(self, port: int) -> list[LinkFrame]:
+        """Frames received so far on a subject or service; forgets them."""
+        taken = [frame for frame in self.frames if frame.port == port]
+        self.frames = [frame for frame in self.frames if frame.port != port]
+        return taken
+
+    def answer(self, request: bytes, port: int, ticks: int = 3, **inputs) -> LinkFrame:
+        """Sends a request in one tick and returns the response, which comes within `ticks`."""
+        self.tick(link=request, **inputs)
+        self.run(ticks - 1, **inputs)
+        responses = [frame for frame in self.take(port) if frame.is_response]
+        assert len(responses) == 1
+        return responses[0]
+
+    def shut_down(self) -> tuple[np.void, int]:
+        frame = self.tick(flags=SHUTDOWN)
+        return frame, self.process.wait(_WATCHDOG_S)
+
+
+def qemu_command(*arguments: str, semihosting: str = "", icount: str = "shift=3,sleep=off") -> list[str]:
+    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none",
+            *arguments, "-semihosting-config", "enable=on,target=native" + semihosting, "-kernel", str(MPS2_IMAGE)]
+
+
+def board_command(board: str) -> list[str]:
+    """Starts a board in lock-step; the FIFOs act.fifo and sen.fifo are in the working directory."""
+    if board == "native":
+        return [str(NATIVE_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
+    return qemu_command("-serial", "file:console.txt")
+
+
+def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int:
+    """Opens our end as soon as the board has opened the other."""
+    deadline = time.monotonic() + _WATCHDOG_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            return os.open(path, flags | os.O_NONBLOCK)
+        except OSError:  # ENXIO: nobody reads yet
+            time.sleep(0.005)
+    raise RuntimeError(f"the board does not open {path.name} (exit code {process.poll()})")
+
+
+@contextlib.contextmanager
+def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
+    """Runs a board ("native" or "mps2") in `folder`, which must be empty."""
+    for name in ("act.fifo", "sen.fifo"):
+        os.mkfifo(folder / name)
+    process = subprocess.Popen(board_command(board), cwd=folder, stdin=subprocess.DEVNULL)
+    try:
+        actuator_fd = _open_fifo(process, folder / "act.fifo", os.O_RDONLY)
+        sensor_fd = _open_fifo(process, folder / "sen.fifo", os.O_WRONLY)
+        os.set_blocking(actuator_fd, True)
+        os.set_blocking(sensor_fd, True)
+        yield Lockstep(process, actuator_fd, sensor_fd)
+    finally:
+        process.kill()
+        process.wait()
+        for descriptor in ("actuator_fd", "sensor_fd"):
+            if descriptor in locals():
+                os.close(locals()[descriptor])
