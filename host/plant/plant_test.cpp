@@ -204,6 +204,30 @@ TEST(Plant, EncodersReadTheReferenceInTheReferencePose) {
   EXPECT_NEAR(device::forward_kinematics(device::kPremium15, joint_rad).x, 0.05f, 3e-5f);
 }
 
+TEST(Plant, EveryPermittedHandIsIntegratedStably) {
+  // The corners of the parameters' ranges, pushed for half a second: the motion stays near the path. Hands
+  // that cannot hold the tip (no stiffness, no grip spring) are left out; without damping the push of 1 N may
+  // ring up to twice its static deflection.
+  for (const double mass_kg : {0.01, 10.0})
+    for (const double damping_N_s_m : {0.0, 100.0})
+      for (const double grip_damping_N_s_m : {0.0, 60.0})
+        for (const double stiffness_N_m : {1e3, 2e4}) {
+          PlantParameters parameters;
+          parameters.hand = {.mass_kg = mass_kg,
+                             .damping_N_s_m = damping_N_s_m,
+                             .stiffness_N_m = stiffness_N_m,
+                             .grip_stiffness_N_m = stiffness_N_m,
+                             .grip_damping_N_s_m = grip_damping_N_s_m};
+          Plant plant(parameters, place({}));
+          for (int tick = 0; tick < 500; ++tick) {
+            plant.advance({0.69f, 0.0f, 0.0f}, true, kTick_s);  // 1 N to the right
+            ASSERT_LT(norm(plant.tip_position_m()), 2.5 * (2.0 / stiffness_N_m) + 1e-3)
+                << mass_kg << " kg, " << damping_N_s_m << ", " << grip_damping_N_s_m << " N s/m, "
+                << stiffness_N_m;
+          }
+        }
+}
+
 TEST(Plant, TwoRunsAreEqualToTheBit) {
   const auto run = [] {
     Plant plant(PlantParameters{}, TipPath::minimum_jerk({{0.0, {}}, {0.2, {0.02, 0.01, 0.03}}}));
