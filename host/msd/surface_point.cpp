@@ -1,5 +1,6 @@
 #include "host/msd/surface_point.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
 #include <limits>

@@ -41,10 +41,14 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
   { s.is_near(v, v, radius) } -> std::same_as<bool>;
   // Could triangle `i` be within reach of the same motion? May say yes too often.
   { c.may_touch(i, v, v, radius) } -> std::same_as<bool>;
-  // Node positions at the end and at the start of the newest step; `before` only where `position` was asked
-  // then.
+  // Readies `normal_before` and `position_before` of a triangle for the step to come; is_near does so for
+  // all.
+  {s.prepare(i)};
+  // Node positions at the end and at the start of the newest step.
   { s.position(i) } -> std::same_as<Vec3<typename S::Real>>;
   { s.position_before(i) } -> std::same_as<Vec3<typename S::Real>>;
+  // Unit outward normal at a point of triangle `i` at the start of the newest step: continuous across edges.
+  { s.normal_before(i, v) } -> std::same_as<Vec3<typename S::Real>>;
   // One step without contact force; then the response of a point; then the force on it.
   {s.advance()};
   { s.respond(i, v) } -> std::same_as<PointResponse<typename S::Real>>;
@@ -189,16 +193,13 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
     if (!near || !contact_detail::find_collision(surface, state, law.tip_radius_m, from, to)) return;
     previous = ContactMode::stick;
   } else {
-    for (const std::uint32_t node : surface.corners(state.triangle)) (void)surface.position(node);
+    surface.prepare(state.triangle);
     surface.advance();
   }
 
-  // The plane of contact is that of the triangle at the start of the step: without the contact force, which
-  // is not known yet, the surface would spring back within the step and tilt.
-  const auto corner = surface.corners(state.triangle);
-  const Vec3<Real> a = surface.position_before(corner[0]);
-  const Vec3<Real> normal =
-      normalized(cross(surface.position_before(corner[1]) - a, surface.position_before(corner[2]) - a));
+  // The plane of contact is that of the surface at the start of the step: without the contact force, which is
+  // not known yet, the surface would spring back within the step and tilt.
+  const Vec3<Real> normal = surface.normal_before(state.triangle, state.barycentric);
   const auto response = surface.respond(state.triangle, state.barycentric);
   const Vec3<Real> target = to + (to - from) * Surface::kTargetExtrapolation - normal * law.tip_radius_m;
   const auto solution =

@@ -44,6 +44,19 @@ class Bed {
   bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) const { return true; }
   Vec3d position(std::uint32_t n) { return now_[n]; }
   Vec3d position_before(std::uint32_t n) { return before_[n]; }
+  void prepare(std::uint32_t) {}
+  Vec3d normal_before(std::uint32_t t, const Vec3d& barycentric) const {
+    const auto vertex_normal = [&](std::uint32_t node) {
+      Vec3d sum{};
+      for (const auto& c : triangles_)
+        if (c[0] == node || c[1] == node || c[2] == node)
+          sum += cross(before_[c[1]] - before_[c[0]], before_[c[2]] - before_[c[0]]);
+      return normalized(sum);
+    };
+    const auto& c = triangles_[t];
+    return normalized(vertex_normal(c[0]) * barycentric.x + vertex_normal(c[1]) * barycentric.y +
+                      vertex_normal(c[2]) * barycentric.z);
+  }
   void advance() {
     before_ = now_;
     for (std::size_t n = 0; n < now_.size(); ++n) {

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "shared/servo_tick.hpp"
+
 namespace palpate {
 
 void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
@@ -9,7 +11,17 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   state_ = &state;
   now_valid_ = 0;
   evaluations_ = 0;
+  step_ = 0;
+  normal_step_ = {};
+  triangle_count_of_ = {};
   for (std::size_t m = 0; m < model.modes; ++m) scaled_q_[m] = model.basis_scale[m] * state.q[m];
+
+  for (std::uint32_t t = 0; t < model.triangles; ++t) {
+    for (const std::uint32_t node : corners(t)) {
+      std::uint8_t& count = triangle_count_of_[node];
+      if (count < kMaxTrianglesOfNode) triangles_of_[node][count++] = static_cast<std::uint8_t>(t);
+    }
+  }
 
   // The neighbour across the edge opposite to corner c shares the two other corners, in reverse order.
   for (std::uint32_t t = 0; t < model.triangles; ++t) {
@@ -48,7 +60,7 @@ bool ModalSurface::is_near(const Vec3f& from, const Vec3f& to, float tip_radius_
     const float high = from[axis] < to[axis] ? to[axis] : from[axis];
     if (high < lowest_m_[axis] - reach || low > highest_m_[axis] + reach) return false;
   }
-  for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
+  for (std::uint32_t n = 0; n < model_.nodes; ++n) refresh_normal(n);
   return true;
 }
 
@@ -75,7 +87,31 @@ Vec3f ModalSurface::position(std::uint32_t node) {
   return now_[node];
 }
 
+void ModalSurface::prepare(std::uint32_t triangle) {
+  for (const std::uint32_t node : corners(triangle)) refresh_normal(node);
+}
+
+void ModalSurface::refresh_normal(std::uint32_t node) {
+  (void)position(node);
+  if (normal_step_[node] != 0 && step_ + 1 - normal_step_[node] < kNormalLifetime_steps) return;
+  Vec3f sum{};
+  for (std::uint32_t k = 0; k < triangle_count_of_[node]; ++k) {
+    const auto corner = corners(triangles_of_[node][k]);
+    const Vec3f a = position(corner[0]);
+    sum += cross(position(corner[1]) - a, position(corner[2]) - a);
+  }
+  normal_[node] = normalized(sum);
+  normal_step_[node] = step_ + 1;
+}
+
+Vec3f ModalSurface::normal_before(std::uint32_t triangle, const Vec3f& barycentric) const {
+  const auto corner = corners(triangle);
+  return normalized(normal_[corner[0]] * barycentric.x + normal_[corner[1]] * barycentric.y +
+                    normal_[corner[2]] * barycentric.z);
+}
+
 void ModalSurface::advance() {
+  ++step_;
   before_ = now_;
   now_valid_ = 0;
   for (std::size_t m = 0; m < model_.modes; ++m) {
@@ -89,7 +125,7 @@ void ModalSurface::advance() {
 }
 
 PointResponse<float> ModalSurface::respond(std::uint32_t triangle, const Vec3f& barycentric) {
-  constexpr float kLead_s = kTargetExtrapolation * kTick_s;
+  constexpr float kLead_s = kTargetExtrapolation * static_cast<float>(kTick_s);
   const auto corner = corners(triangle);
   PointResponse<float> response{};
   for (std::size_t k = 0; k < 3; ++k) {

@@ -10,8 +10,12 @@
 
 namespace palpate {
 
-// The servo tick that local models are discretized with.
-inline constexpr float kTick_s = 1e-3f;
+// Triangles around a node that its normal is made of; more than in any lattice. Further ones are left out.
+inline constexpr std::size_t kMaxTrianglesOfNode = 8;
+
+// Steps for which a node's normal is used before it is computed anew. It takes the positions of all nodes
+// around; every 4 ticks instead of every tick halves a model's catch-up (docs/decisions/smooth_normals.md).
+inline constexpr std::uint32_t kNormalLifetime_steps = 4;
 
 // Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
 // origin_m.
@@ -41,6 +45,8 @@ class ModalSurface {
   Vec3f position(std::uint32_t node);
   [[nodiscard]] Vec3f position_before(std::uint32_t node) const { return before_[node]; }
 
+  void prepare(std::uint32_t triangle);
+  [[nodiscard]] Vec3f normal_before(std::uint32_t triangle, const Vec3f& barycentric) const;
   void advance();
   PointResponse<float> respond(std::uint32_t triangle, const Vec3f& barycentric);
   // Must follow respond() of the same point.
@@ -50,6 +56,8 @@ class ModalSurface {
   [[nodiscard]] std::uint32_t evaluations() const { return evaluations_; }
 
  private:
+  void refresh_normal(std::uint32_t node);
+
   LocalModelView model_{};
   ModalState* state_ = nullptr;
   std::array<float, kMaxModes> scaled_q_{};                    // basis_scale * q
@@ -57,7 +65,13 @@ class ModalSurface {
   std::array<Vec3f, kMaxSurfaceNodes> now_{}, before_{};
   std::uint32_t now_valid_ = 0;  // bit per node
   std::array<std::array<std::int8_t, 3>, kMaxTriangles> neighbour_{};
-  Vec3f lowest_m_{}, highest_m_{};  // bounding box at q = 0
+  // Triangles around each node, and the normal there: the mean of theirs, weighted by area.
+  std::array<std::array<std::uint8_t, kMaxTrianglesOfNode>, kMaxSurfaceNodes> triangles_of_{};
+  std::array<std::uint8_t, kMaxSurfaceNodes> triangle_count_of_{};
+  std::array<Vec3f, kMaxSurfaceNodes> normal_{};
+  std::array<std::uint32_t, kMaxSurfaceNodes> normal_step_{};  // step_ + 1 of its computation; 0: never
+  std::uint32_t step_ = 0;                                     // since bind()
+  Vec3f lowest_m_{}, highest_m_{};                             // bounding box at q = 0
   float margin_m_ = 0;
   std::uint32_t evaluations_ = 0;
 };

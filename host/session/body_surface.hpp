@@ -1,0 +1,74 @@
+// The whole body's surface as contact sees it: the host's side of the contact code that the board runs too.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "host/msd/body.hpp"
+#include "host/msd/semi_implicit_euler.hpp"
+#include "shared/contact/contact.hpp"
+
+namespace palpate::host {
+
+// A ContactSurface over the full non-linear body, stepped by semi-implicit Euler. A force on a node of mass m
+// moves it by step^2 / m within the step, so the response of a surface point is diagonal and its inversion
+// does not ring. Fixed nodes do not yield; a triangle of three fixed nodes cannot be touched. The body must
+// outlive this.
+class BodySurface {
+ public:
+  using Real = double;
+  static constexpr double kTargetExtrapolation = 0.0;
+
+  // Throws std::invalid_argument for a step that is not stable, naming it and the bound.
+  BodySurface(const Body& body, BodyState start, double step_s);
+
+  [[nodiscard]] std::uint32_t triangle_count() const {
+    return static_cast<std::uint32_t>(body_.triangles().size());
+  }
+  [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const;
+  [[nodiscard]] std::int32_t neighbour(std::uint32_t triangle, std::uint32_t corner) const;
+  [[nodiscard]] bool is_near(const Vec3d& from, const Vec3d& to, double tip_radius_m) const;
+  [[nodiscard]] bool may_touch(std::uint32_t triangle, const Vec3d& from, const Vec3d& to,
+                               double tip_radius_m) const;
+  [[nodiscard]] Vec3d position(std::uint32_t node) const;
+  [[nodiscard]] Vec3d position_before(std::uint32_t node) const;
+  void prepare(std::uint32_t) {}
+  [[nodiscard]] Vec3d normal_before(std::uint32_t triangle, const Vec3d& barycentric) const;
+  void advance();
+  [[nodiscard]] PointResponse<double> respond(std::uint32_t triangle, const Vec3d& barycentric) const;
+  void apply(std::uint32_t triangle, const Vec3d& barycentric, const Vec3d& force_N);
+
+  [[nodiscard]] const Body& body() const { return body_; }
+  [[nodiscard]] const BodyState& state() const { return state_; }
+  [[nodiscard]] double step_s() const { return step_s_; }
+
+ private:
+  [[nodiscard]] double inverse_mass_1_kg(std::uint32_t node) const;
+
+  const Body& body_;
+  SemiImplicitEuler integrator_;
+  BodyState state_;
+  Eigen::Matrix3Xd before_m_;
+  double step_s_;
+  double longest_edge_m_ = 0;
+  std::vector<std::vector<std::uint32_t>> triangles_of_;  // per node
+};
+
+static_assert(ContactSurface<BodySurface>);
+
+// What the tip did to the body in one servo tick.
+struct BodyTick {
+  Vec3d mean_force_N{};            // of the tip on the body, averaged over the tick: what the hand feels
+  ContactState<double> contact{};  // at the end of the tick
+};
+
+// Advances body and contact by one servo tick (kTick_s) in an integer number of the surface's steps; the tip
+// moves in a straight line. The number of steps a tick is steps_per_tick(step_s).
+BodyTick advance_tick(BodySurface& surface, ContactState<double>& contact, const ContactLaw<double>& law,
+                      const Vec3d& tip_before_m, const Vec3d& tip_m);
+
+// Throws std::invalid_argument, naming the value, unless the servo tick is an integer multiple of step_s.
+int steps_per_tick(double step_s);
+
+}  // namespace palpate::host

@@ -1,0 +1,102 @@
+#include "host/session/model_message.hpp"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace palpate::host {
+namespace {
+
+constexpr double kLargestEntry = 32767.0;
+
+float narrow(double value) {
+  const auto narrowed = static_cast<float>(value);
+  if (!std::isfinite(narrowed)) {
+    std::ostringstream message;
+    message << "local model: number " << value << " does not fit in single precision";
+    throw std::invalid_argument(message.str());
+  }
+  return narrowed;
+}
+
+void require_at_most(std::size_t count, std::size_t bound, const char* what) {
+  if (count <= bound) return;
+  std::ostringstream message;
+  message << "local model: " << what << " = " << count << ": must be at most " << bound;
+  throw std::invalid_argument(message.str());
+}
+
+void pack(const Vec3d& from, float* to) {
+  for (std::size_t axis = 0; axis < 3; ++axis) to[axis] = narrow(from[axis]);
+}
+
+void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& message) {
+  message.mode = static_cast<std::uint8_t>(contact.mode);
+  message.triangle =
+      contact.mode == ContactMode::free ? std::uint16_t{0} : static_cast<std::uint16_t>(contact.triangle);
+  pack(contact.mode == ContactMode::free ? Vec3d{} : contact.barycentric, message.barycentric);
+  pack(contact.force_N, message.force_N);
+}
+
+}  // namespace
+
+void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
+                const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+  const auto modes = static_cast<std::size_t>(model.modes());
+  const std::size_t nodes = model.node.size(), triangles = model.triangle.size();
+  require_at_most(modes, kMaxModes, "modes");
+  require_at_most(nodes, kMaxSurfaceNodes, "surface nodes");
+  require_at_most(triangles, kMaxTriangles, "triangles");
+  require_at_most(3 * nodes * modes, kMaxBasis, "entries of the basis");
+
+  message = {};
+  message.sequence = stamp.sequence;
+  message.schema_hash = wire::kSchemaHash;
+  message.tick = stamp.tick;
+  message.valid_ticks = stamp.valid_ticks;
+  message.modes = static_cast<std::uint16_t>(modes);
+  message.nodes = static_cast<std::uint8_t>(nodes);
+  message.triangles = static_cast<std::uint8_t>(triangles);
+  pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
+  message.tip_radius_m = narrow(law.tip_radius_m);
+  message.static_friction = narrow(law.static_friction);
+  message.kinetic_friction = narrow(law.kinetic_friction);
+  pack_contact(contact, message.contact);
+
+  message.position_m.count = 3 * nodes;
+  for (std::size_t i = 0; i < 3 * nodes; ++i)
+    message.position_m.elements[i] =
+        narrow(model.position_m(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(i / 3)));
+  message.triangle_id.count = triangles;
+  message.corner.count = 3 * triangles;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    require_at_most(static_cast<std::size_t>(model.triangle[t]), 65535, "number of a triangle");
+    message.triangle_id.elements[t] = static_cast<std::uint16_t>(model.triangle[t]);
+    for (std::size_t c = 0; c < 3; ++c)
+      message.corner.elements[3 * t + c] = static_cast<std::uint8_t>(model.corner[t][c]);
+  }
+
+  message.coefficient.count = kCoefficientsPerMode * modes;
+  message.load.count = message.state_q.count = message.state_p.count = message.basis_scale.count = modes;
+  message.basis.count = 3 * nodes * modes;
+  for (std::size_t m = 0; m < modes; ++m) {
+    const auto column = static_cast<Eigen::Index>(m);
+    const ModalCoefficients& c = model.coefficient[m];
+    const double values[] = {c.a11, c.a12, c.a21, c.a22, c.b1, c.b2};
+    for (std::size_t k = 0; k < kCoefficientsPerMode; ++k)
+      message.coefficient.elements[kCoefficientsPerMode * m + k] = narrow(values[k]);
+    message.load.elements[m] = narrow(model.load(column));
+    message.state_q.elements[m] = narrow(model.q(column));
+    message.state_p.elements[m] = narrow(model.p(column));
+    const float scale = narrow(model.basis.col(column).cwiseAbs().maxCoeff() / kLargestEntry);
+    message.basis_scale.elements[m] = scale;
+    for (std::size_t row = 0; row < 3 * nodes; ++row) {
+      const double entry = model.basis(static_cast<Eigen::Index>(row), column);
+      const double steps = scale > 0.0f ? std::round(entry / static_cast<double>(scale)) : 0.0;
+      message.basis.elements[row * modes + m] =
+          static_cast<std::int16_t>(std::fmin(std::fmax(steps, -kLargestEntry), kLargestEntry));
+    }
+  }
+}
+
+}  // namespace palpate::host

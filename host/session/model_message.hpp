@@ -1,0 +1,25 @@
+// A local model as the wire carries it: single precision, basis quantized to 16 bits.
+#pragma once
+
+#include <cstdint>
+
+#include "host/linearize/local_model.hpp"
+#include "shared/contact/contact_state.hpp"
+#include "shared/wire/messages.hpp"
+
+namespace palpate::host {
+
+struct ModelStamp {
+  std::uint32_t sequence = 0;
+  std::uint32_t tick = 0;
+  std::uint16_t valid_ticks = 0;
+};
+
+// Fills `message`. `contact` is that of the full body at stamp.tick, its triangle the body's own number.
+// The basis is scaled per mode so that its largest entry is 32767: an entry is off by at most half a
+// step, 1.5e-5 of that largest entry. Throws std::invalid_argument, naming the count and the bound, for a
+// model beyond the capacities of the wire, and for one with numbers that single precision cannot hold.
+void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
+                const ContactState<double>& contact, palpate_LocalModel_1_0& message);
+
+}  // namespace palpate::host

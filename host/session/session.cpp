@@ -1,0 +1,84 @@
+#include "host/session/session.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "host/msd/vectors.hpp"
+#include "host/session/model_message.hpp"
+#include "shared/servo_tick.hpp"
+
+namespace palpate::host {
+
+Session::Session(const Body& body, BodyState start, const SessionConfig& config)
+    : body_(body), config_(config), surface_(body, std::move(start), config.step_s) {
+  (void)steps_per_tick(config.step_s);
+}
+
+void Session::take(const palpate_ServoTrace_1_0& trace) {
+  for (std::uint32_t i = 0; i < trace.samples.count; ++i) {
+    const float* tip = trace.samples.elements[i].tip_m;
+    path_.add(trace.first_tick + i,
+              {static_cast<double>(tip[0]), static_cast<double>(tip[1]), static_cast<double>(tip[2])});
+  }
+}
+
+bool Session::due(std::uint32_t tick) const {
+  // The tick in which the count of whole update periods since tick 0 goes up.
+  const double per_tick = config_.update_Hz * kTick_s;
+  return tick > 0 && std::floor(tick * per_tick) > std::floor((tick - 1) * per_tick);
+}
+
+void Session::interpolate_old_gaps() {
+  if (requested_until_) {
+    for (const std::uint32_t tick : path_.interpolate_until(*requested_until_)) {
+      interpolated_.push_back({tick, path_.at(tick), sequence_ + 1});
+      ++interpolated_in_model_;
+    }
+  }
+  requested_until_.reset();
+  const auto gaps = path_.gaps();
+  if (!gaps.empty()) requested_until_ = gaps.back().first + gaps.back().count - 1;
+}
+
+void Session::advance_body() {
+  if (!started_) {
+    started_ = true;
+    tick_ = path_.first_tick();
+  }
+  const std::uint32_t until = path_.complete_tick();
+  for (; tick_ != until; ++tick_)
+    (void)advance_tick(surface_, contact_, config_.law, path_.at(tick_), path_.at(tick_ + 1));
+  path_.forget_before(tick_);
+}
+
+std::optional<SurfacePoint> Session::focus() const {
+  if (contact_.mode != ContactMode::free)
+    return SurfacePoint{static_cast<int>(contact_.triangle), to_eigen(contact_.barycentric)};
+  const Eigen::Vector3d tip = to_eigen(path_.at(tick_));
+  const SurfacePoint nearest = nearest_surface_point(body_, surface_.state().position_m, tip);
+  const double distance = (surface_position_m(body_, surface_.state().position_m, nearest) - tip).norm();
+  if (distance - config_.law.tip_radius_m > config_.near_m) return std::nullopt;
+  return nearest;
+}
+
+std::optional<ModelUpdate> Session::update() {
+  if (path_.empty()) return std::nullopt;
+  interpolate_old_gaps();
+  const std::uint32_t before = tick_;
+  const bool first = !started_;
+  advance_body();
+  if (!first && tick_ == before) return std::nullopt;
+  const auto point = focus();
+  if (!point) return std::nullopt;
+
+  const LocalModel model = build_patch(body_, surface_.state(), *point, config_.patch, kTick_s);
+  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
+  ModelUpdate update;
+  pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, contact_, update.message);
+  update.patch_nodes = model.node;
+  update.interpolated_ticks = std::exchange(interpolated_in_model_, 0);
+  update.damping_coupling = model.damping_coupling;
+  return update;
+}
+
+}  // namespace palpate::host

@@ -1,0 +1,86 @@
+// The host's side of a session: replays the measured tip path on the full body and streams local models.
+//
+// At each update it advances the non-linear body, with the same contact code as the board's, through the
+// servo ticks that have arrived, linearizes it there, reduces it around the tip, and stamps the model with
+// that tick. The full body thus carries every local deformation: the geometry feedback of Jacobs, Fu,
+// Cavusoglu 2010, section 3, done exactly.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "host/linearize/patch_builder.hpp"
+#include "host/session/body_surface.hpp"
+#include "host/session/tip_history.hpp"
+#include "shared/wire/messages.hpp"
+
+namespace palpate::host {
+
+struct SessionConfig {
+  ContactLaw<double> law{};
+  double step_s = 1e-4;     // of the full body; divides the servo tick
+  double update_Hz = 30.0;  // of local models, in virtual time
+  PatchSize patch{};
+  std::uint16_t valid_ticks = 200;
+  // No model is built while the tip is further from the surface than this. 2 cm: a hand at 0.5 m/s needs 40
+  // ms for it, longer than one frame of 33 ms.
+  double near_m = 0.02;
+};
+
+// One local model and what led to it.
+struct ModelUpdate {
+  palpate_LocalModel_1_0 message{};
+  std::vector<int> patch_nodes;  // surface nodes, the body's own numbers
+  std::uint32_t interpolated_ticks = 0;
+  double damping_coupling = 0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
+};
+
+class Session {
+ public:
+  // The body must outlive the session. Throws std::invalid_argument as BodySurface and select_patch do.
+  Session(const Body& body, BodyState start, const SessionConfig& config);
+
+  // Samples from the board, in any order.
+  void take(const palpate_ServoTrace_1_0& trace);
+
+  // Is a model due in this tick?
+  [[nodiscard]] bool due(std::uint32_t tick) const;
+  // What to ask the board for again; ticks that were asked for at the update before and still miss are
+  // interpolated by update().
+  [[nodiscard]] std::vector<TickRange> missing() const { return path_.gaps(); }
+  // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
+  // or the tip is far away. Throws what the builders throw.
+  std::optional<ModelUpdate> update();
+
+  [[nodiscard]] const BodyState& state() const { return surface_.state(); }
+  // Servo tick that state() has come to.
+  [[nodiscard]] std::uint32_t tick() const { return tick_; }
+  [[nodiscard]] const ContactState<double>& contact() const { return contact_; }
+  // Ticks whose tip position was interpolated, with the position used.
+  struct Interpolated {
+    std::uint32_t tick;
+    Vec3d tip_m;
+    std::uint32_t sequence;  // of the first model that builds on it; the next one where there is none yet
+  };
+  [[nodiscard]] const std::vector<Interpolated>& interpolated() const { return interpolated_; }
+
+ private:
+  [[nodiscard]] std::optional<SurfacePoint> focus() const;
+  void interpolate_old_gaps();
+  void advance_body();
+
+  const Body& body_;
+  SessionConfig config_;
+  BodySurface surface_;
+  ContactState<double> contact_{};
+  TipHistory path_;
+  bool started_ = false;
+  std::uint32_t tick_ = 0;
+  std::uint32_t sequence_ = 0;
+  std::optional<std::uint32_t> requested_until_;  // gaps that end here were asked for at the last update
+  std::vector<Interpolated> interpolated_;
+  std::uint32_t interpolated_in_model_ = 0;
+};
+
+}  // namespace palpate::host
