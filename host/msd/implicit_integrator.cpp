@@ -79,12 +79,15 @@ void ImplicitIntegrator::solve_stage(NodalArray& position_m, NodalArray& velocit
   NodalArray impulse;
   double squared = residual(position_m, velocity_m_s, trial_m_s, stage_step_s, residual_m_s);
   bool only_stretched = false;
+  const auto converged = [&] { return residual_m_s.cwiseAbs().maxCoeff() <= velocity_tolerance_m_s_; };
+  const auto finish = [&] {
+    position_m += stage_step_s * trial_m_s;
+    velocity_m_s = trial_m_s;
+  };
   for (int iteration = 0; iteration < kMaxNewtonIterations; ++iteration) {
-    if (residual_m_s.cwiseAbs().maxCoeff() <= velocity_tolerance_m_s_) {
-      position_m = trial_position_m_;
-      velocity_m_s = trial_m_s;
-      return;
-    }
+    // At least one Newton step, even where the guess meets the tolerance: a body near rest would otherwise
+    // creep on with the velocity it has.
+    if (iteration > 0 && converged()) return finish();
     impulse = residual_m_s;
     for (Eigen::Index node = 0; node < impulse.rows(); ++node)
       impulse.row(node) *= -body_.mass_kg(static_cast<int>(node));
@@ -98,6 +101,7 @@ void ImplicitIntegrator::solve_stage(NodalArray& position_m, NodalArray& velocit
       accepted = next <= (1.0 - kSufficientDecrease * length) * squared;
       if (accepted) squared = next;
     }
+    if (!accepted && converged()) return finish();  // rounding is all that is left
     if (accepted) {
       trial_m_s.swap(next_m_s);
       residual_m_s.swap(next_residual_m_s);
