@@ -1,0 +1,71 @@
+#include "host/link/fault_plan.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <stdexcept>
+
+namespace palpate::link {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Four frames with a delimiter at both ends.
+const Bytes kStream{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 0, 9, 0};
+
+Bytes apply(const Fault& fault) {
+  FaultPlan plan(std::span(&fault, 1));
+  const Bytes out = plan.apply(kStream);
+  EXPECT_EQ(plan.frames_seen(), 4u);
+  EXPECT_EQ(plan.faults_applied(), 1u);
+  return out;
+}
+
+TEST(FaultPlan, EmptyPlanChangesNothing) {
+  FaultPlan plan;
+  EXPECT_EQ(plan.apply(kStream), kStream);
+  EXPECT_EQ(plan.frames_seen(), 4u);
+  EXPECT_EQ(plan.faults_applied(), 0u);
+}
+
+TEST(FaultPlan, EachKindHitsItsFrameOnly) {
+  EXPECT_EQ(apply({1, FaultKind::drop, 0}), (Bytes{0, 1, 2, 3, 0, 0, 0, 6, 7, 8, 0, 0, 9, 0}));
+  EXPECT_EQ(apply({1, FaultKind::flip_bit, 9}), (Bytes{0, 1, 2, 3, 0, 0, 4, 7, 0, 0, 6, 7, 8, 0, 0, 9, 0}));
+  EXPECT_EQ(apply({1, FaultKind::flip_bit, 16 + 9}),
+            (Bytes{0, 1, 2, 3, 0, 0, 4, 7, 0, 0, 6, 7, 8, 0, 0, 9, 0}));
+  EXPECT_EQ(apply({2, FaultKind::truncate, 1}), (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 0, 9, 0}));
+  EXPECT_EQ(apply({3, FaultKind::duplicate, 0}),
+            (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 0, 9, 0, 9, 0}));
+}
+
+TEST(FaultPlan, CuttingDoesNotMatter) {
+  const std::array<Fault, 3> faults{Fault{0, FaultKind::duplicate, 0}, Fault{2, FaultKind::truncate, 2},
+                                    Fault{3, FaultKind::flip_bit, 3}};
+  const Bytes whole = FaultPlan(faults).apply(kStream);
+  for (std::size_t run = 1; run < kStream.size(); ++run) {
+    FaultPlan plan(faults);
+    Bytes out;
+    for (std::size_t at = 0; at < kStream.size(); at += run) {
+      const Bytes piece = plan.apply(std::span(kStream).subspan(at, std::min(run, kStream.size() - at)));
+      out.insert(out.end(), piece.begin(), piece.end());
+    }
+    EXPECT_EQ(out, whole) << run;
+  }
+}
+
+TEST(FaultPlan, BytesOfOtherFramesPassAtOnce) {
+  const Fault fault{1, FaultKind::drop, 0};
+  FaultPlan plan(std::span(&fault, 1));
+  EXPECT_EQ(plan.apply(Bytes{0, 1, 2}), (Bytes{0, 1, 2}));
+  EXPECT_EQ(plan.apply(Bytes{0, 0, 4}), (Bytes{0, 0}));
+  EXPECT_EQ(plan.apply(Bytes{5}), Bytes{});
+  EXPECT_EQ(plan.apply(Bytes{0, 6}), (Bytes{6}));
+}
+
+TEST(FaultPlan, OneFaultAFrame) {
+  const std::array<Fault, 2> faults{Fault{7, FaultKind::drop, 0}, Fault{7, FaultKind::truncate, 2}};
+  EXPECT_THROW(FaultPlan{faults}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace palpate::link

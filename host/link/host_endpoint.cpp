@@ -1,0 +1,148 @@
+#include "host/link/host_endpoint.hpp"
+
+#include <stdexcept>
+#include <string>
+
+namespace palpate::link {
+namespace {
+
+void check_range(const char* field, std::size_t value, std::size_t least, std::size_t most) {
+  if (value < least || value > most)
+    throw std::invalid_argument(std::string(field) + " is " + std::to_string(value) + ", allowed " +
+                                std::to_string(least) + ".." + std::to_string(most));
+}
+
+template <class Message>
+bool decode(const wire::Frame& frame, std::vector<Incoming>& messages) {
+  Message message{};
+  if (wire::deserialize(frame.payload, message) != Status::ok) return false;
+  messages.emplace_back(message);
+  return true;
+}
+
+template <class Response>
+bool decode_response(const wire::Frame& frame, std::vector<Incoming>& messages) {
+  Response response{.transfer_id = frame.header.transfer_id};
+  if (wire::deserialize(frame.payload, response.message) != Status::ok) return false;
+  messages.emplace_back(response);
+  return true;
+}
+
+}  // namespace
+
+HostEndpoint::HostEndpoint(const EndpointOptions& options)
+    : options_(options), receiver_(std::make_unique<wire::FrameReceiver<kReceiverCapacity>>()) {
+  if (options.node == wire::kBroadcast || options.board == wire::kBroadcast || options.node == options.board)
+    throw std::invalid_argument("HostEndpoint: node " + std::to_string(options.node) + " and board " +
+                                std::to_string(options.board) + " must differ and be in 0..65534");
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_LocalModel_1_0& message) {
+  const auto check_count = [](const char* field, std::size_t count, std::size_t most) {
+    check_range(field, count, 0, most);
+  };
+  check_count("LocalModel.position_m.count", message.position_m.count, 3 * kMaxSurfaceNodes);
+  check_count("LocalModel.triangle_id.count", message.triangle_id.count, kMaxTriangles);
+  check_count("LocalModel.corner.count", message.corner.count, 3 * kMaxTriangles);
+  check_count("LocalModel.coefficient.count", message.coefficient.count, kCoefficientsPerMode * kMaxModes);
+  check_count("LocalModel.load.count", message.load.count, kMaxModes);
+  check_count("LocalModel.state_q.count", message.state_q.count, kMaxModes);
+  check_count("LocalModel.state_p.count", message.state_p.count, kMaxModes);
+  check_count("LocalModel.basis_scale.count", message.basis_scale.count, kMaxModes);
+  check_count("LocalModel.basis.count", message.basis.count, kMaxBasis);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_TraceRequest_1_0& message) {
+  constexpr std::size_t kMostTicks = 256;  // palpate.TraceRequest
+  check_range("TraceRequest.count", message.count, 1, kMostTicks);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_Command_Request_1_0& message) {
+  check_range("Command.action", message.action, palpate_Command_Request_1_0_NOTHING,
+              palpate_Command_Request_1_0_STOP);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_GetInfo_Request_1_0& message) {
+  return encode_message(message);
+}
+
+template <class Message>
+OutgoingFrame HostEndpoint::encode_message(const Message& message) {
+  std::vector<std::uint8_t> payload(wire::MessageTraits<Message>::kMaxBytes);
+  std::size_t length = 0;
+  if (wire::serialize(message, payload, length) != Status::ok)
+    throw std::logic_error("HostEndpoint: a checked message cannot be serialized");
+  return encode_payload(wire::MessageTraits<Message>::kSpecifier, std::span(payload).first(length));
+}
+
+OutgoingFrame HostEndpoint::encode_payload(std::uint16_t specifier, std::span<const std::uint8_t> payload) {
+  constexpr std::uint16_t kServiceBit = 0x8000u;
+  const bool service = (specifier & kServiceBit) != 0;
+  const auto [next, first] = next_transfer_id_.try_emplace(specifier, options_.first_transfer_id);
+  OutgoingFrame frame{.bytes = std::vector<std::uint8_t>(wire::max_frame_bytes(payload.size())),
+                      .transfer_id = next->second++};
+  const wire::FrameHeader header{.priority = service ? wire::Priority::high : wire::Priority::nominal,
+                                 .source = options_.node,
+                                 .destination = service ? options_.board : wire::kBroadcast,
+                                 .specifier = specifier,
+                                 .transfer_id = frame.transfer_id};
+  frame.bytes.resize(wire::encode_frame(header, payload, frame.bytes));
+  ++counters_.frames_sent;
+  counters_.bytes_sent += frame.bytes.size();
+  return frame;
+}
+
+std::vector<Incoming> HostEndpoint::receive(std::span<const std::uint8_t> bytes, std::uint32_t tick) {
+  counters_.bytes_received += bytes.size();
+  std::vector<Incoming> messages;
+  while (!bytes.empty()) {
+    const wire::Reception reception = receiver_->receive(bytes);
+    bytes = bytes.subspan(reception.consumed);
+    if (reception.complete) take(reception.frame, tick, messages);
+  }
+  return messages;
+}
+
+void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vector<Incoming>& messages) {
+  if (frame.header.source != options_.board || !wire::addressed_to(frame.header, options_.node)) {
+    ++counters_.frames_foreign;
+    return;
+  }
+  if (transfers_.observe(frame.header, tick) == wire::TransferKind::repeat) return;
+  bool decoded = false;
+  switch (frame.header.specifier) {
+    case wire::MessageTraits<palpate_ServoTrace_1_0>::kSpecifier:
+      decoded = decode<palpate_ServoTrace_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_BoardStatus_1_0>::kSpecifier:
+      decoded = decode<palpate_BoardStatus_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_ModelReport_1_0>::kSpecifier:
+      decoded = decode<palpate_ModelReport_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_Command_Response_1_0>::kSpecifier:
+      decoded = decode_response<CommandResponse>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_GetInfo_Response_1_0>::kSpecifier:
+      decoded = decode_response<InfoResponse>(frame, messages);
+      break;
+    default:
+      ++counters_.ports_unknown;
+      return;
+  }
+  if (!decoded) ++counters_.payloads_malformed;
+}
+
+EndpointCounters HostEndpoint::counters() const {
+  EndpointCounters counters = counters_;
+  counters.frames_received = receiver_->counters().frames;
+  counters.frames_refused = receiver_->counters().refused();
+  counters.frames_lost = transfers_.lost();
+  counters.frames_repeated = transfers_.repeated();
+  return counters;
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,96 @@
+// The host's end of the link: typed messages to frames, and bytes from the board to typed messages.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "shared/wire/frame_receiver.hpp"
+#include "shared/wire/messages.hpp"
+#include "shared/wire/transfer_monitor.hpp"
+
+namespace palpate::link {
+
+// One frame as it goes on the wire, both delimiters included.
+struct OutgoingFrame {
+  std::vector<std::uint8_t> bytes;
+  std::uint64_t transfer_id = 0;  // a response carries its request's
+};
+
+struct CommandResponse {
+  std::uint64_t transfer_id = 0;  // of the request
+  palpate_Command_Response_1_0 message{};
+};
+
+struct InfoResponse {
+  std::uint64_t transfer_id = 0;
+  palpate_GetInfo_Response_1_0 message{};
+};
+
+using Incoming = std::variant<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
+                              CommandResponse, InfoResponse>;
+
+struct EndpointCounters {
+  std::uint64_t frames_sent = 0;
+  std::uint64_t bytes_sent = 0;
+  std::uint64_t bytes_received = 0;
+  std::uint64_t frames_received = 0;     // good frames, whatever became of them
+  std::uint64_t frames_refused = 0;      // bad framing or CRC
+  std::uint64_t frames_lost = 0;         // gaps in the board's transfer identifiers
+  std::uint64_t frames_repeated = 0;     // the same transfer again; ignored
+  std::uint64_t frames_foreign = 0;      // from another node or to another one; ignored
+  std::uint64_t ports_unknown = 0;       // from the board, but no message of ours
+  std::uint64_t payloads_malformed = 0;  // the decoder refused them
+};
+
+struct EndpointOptions {
+  std::uint16_t node = wire::kHostNode;
+  std::uint16_t board = wire::kBoardNode;
+  // A host that starts again within 2 s of its last transfers continues their numbers, or the board takes its
+  // first ones for repeats (docs/protocol.md).
+  std::uint64_t first_transfer_id = 0;
+};
+
+// One thread.
+class HostEndpoint {
+ public:
+  // Longest payload taken from the board; its present messages have at most wire::kLargestPayloadToHost.
+  static constexpr std::size_t kReceiverCapacity = 8192;
+
+  explicit HostEndpoint(const EndpointOptions& options = {});
+
+  // Encode one frame each; every call is a new transfer. Throw std::invalid_argument, naming field, value and
+  // allowed range, for what the wire cannot carry: an array count beyond its bound, a count of ticks
+  // outside 1..256, an unknown action. Values are not judged: a test may send NaN or another schema hash.
+  OutgoingFrame encode(const palpate_LocalModel_1_0& message);
+  OutgoingFrame encode(const palpate_TraceRequest_1_0& message);
+  OutgoingFrame encode(const palpate_Command_Request_1_0& message);
+  OutgoingFrame encode(const palpate_GetInfo_Request_1_0& message);
+  // Any payload under any specifier (wire/ports.hpp): for tests of what the board refuses.
+  OutgoingFrame encode_payload(std::uint16_t specifier, std::span<const std::uint8_t> payload);
+
+  // Takes bytes as they came, in pieces of any length; returns the messages that they completed, in order.
+  // Whatever is wrong is counted and left out; nothing throws. `tick`: now, for telling repeats from a board
+  // that started again.
+  std::vector<Incoming> receive(std::span<const std::uint8_t> bytes, std::uint32_t tick);
+
+  [[nodiscard]] EndpointCounters counters() const;
+  // Faults by kind (Status).
+  [[nodiscard]] const wire::ReceiverCounters& receiver_counters() const { return receiver_->counters(); }
+
+ private:
+  template <class Message>
+  OutgoingFrame encode_message(const Message& message);
+  void take(const wire::Frame& frame, std::uint32_t tick, std::vector<Incoming>& messages);
+
+  EndpointOptions options_;
+  std::map<std::uint16_t, std::uint64_t> next_transfer_id_;  // by specifier
+  std::unique_ptr<wire::FrameReceiver<kReceiverCapacity>> receiver_;
+  wire::TransferMonitor transfers_;
+  EndpointCounters counters_;
+};
+
+}  // namespace palpate::link

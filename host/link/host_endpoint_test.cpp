@@ -1,0 +1,207 @@
+#include "host/link/host_endpoint.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "host/link/fault_plan.hpp"
+#include "host/link/uart.hpp"
+
+namespace palpate::link {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// The board's side of the frames.
+template <class Message>
+Bytes from_board(const Message& message, std::uint64_t transfer_id, std::uint16_t source = wire::kBoardNode,
+                 std::uint16_t destination = wire::kBroadcast) {
+  Bytes payload(wire::MessageTraits<Message>::kMaxBytes);
+  std::size_t length = 0;
+  EXPECT_EQ(wire::serialize(message, payload, length), Status::ok);
+  Bytes frame(wire::max_frame_bytes(length));
+  frame.resize(wire::encode_frame({.source = source,
+                                   .destination = destination,
+                                   .specifier = wire::MessageTraits<Message>::kSpecifier,
+                                   .transfer_id = transfer_id},
+                                  std::span(payload).first(length), frame));
+  return frame;
+}
+
+palpate_ServoTrace_1_0 trace(std::uint32_t sequence, std::size_t samples = 10) {
+  palpate_ServoTrace_1_0 message{};
+  message.sequence = sequence;
+  message.first_tick = 10 * sequence;
+  message.samples.count = samples;
+  for (std::size_t i = 0; i < samples; ++i)
+    message.samples.elements[i].tip_m[2] = 0.25f * static_cast<float>(i);
+  return message;
+}
+
+// What a board's receiver makes of the host's frame.
+template <class Message>
+Message as_board(const Bytes& bytes, wire::FrameHeader& header) {
+  auto receiver = std::make_unique<wire::FrameReceiver<wire::kLargestPayloadToBoard>>();
+  const wire::Reception reception = receiver->receive(bytes);
+  Message message{};
+  EXPECT_TRUE(reception.complete);
+  EXPECT_EQ(reception.consumed, bytes.size());
+  header = reception.frame.header;
+  EXPECT_EQ(header.specifier, wire::MessageTraits<Message>::kSpecifier);
+  EXPECT_EQ(wire::deserialize(reception.frame.payload, message), Status::ok);
+  return message;
+}
+
+TEST(HostEndpoint, MessagesToTheBoard) {
+  HostEndpoint host;
+  wire::FrameHeader header;
+  for (std::uint64_t id = 0; id < 3; ++id) {
+    const OutgoingFrame frame = host.encode(palpate_TraceRequest_1_0{.first_tick = 500, .count = 256});
+    const auto request = as_board<palpate_TraceRequest_1_0>(frame.bytes, header);
+    EXPECT_EQ(request.first_tick, 500u);
+    EXPECT_EQ(request.count, 256u);
+    EXPECT_EQ(header.source, wire::kHostNode);
+    EXPECT_EQ(header.destination, wire::kBroadcast);
+    EXPECT_EQ(header.transfer_id, id);
+    EXPECT_EQ(frame.transfer_id, id);
+  }
+  const OutgoingFrame command = host.encode(
+      palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 9});
+  EXPECT_EQ(as_board<palpate_Command_Request_1_0>(command.bytes, header)._token, 9u);
+  EXPECT_EQ(header.destination, wire::kBoardNode);
+  EXPECT_EQ(header.transfer_id, 0u);  // each specifier has its own count
+  as_board<palpate_GetInfo_Request_1_0>(host.encode(palpate_GetInfo_Request_1_0{}).bytes, header);
+
+  auto model = std::make_unique<palpate_LocalModel_1_0>();
+  model->basis.count = kMaxBasis;
+  model->basis.elements[kMaxBasis - 1] = -12345;
+  const OutgoingFrame frame = host.encode(*model);
+  EXPECT_EQ(as_board<palpate_LocalModel_1_0>(frame.bytes, header).basis.elements[kMaxBasis - 1], -12345);
+  EXPECT_EQ(host.counters().frames_sent, 6u);
+}
+
+TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
+  HostEndpoint host;
+  palpate_GetInfo_Response_1_0 info{};
+  info.schema_hash = wire::kSchemaHash;
+  Bytes stream;
+  const auto append = [&stream](const Bytes& bytes) {
+    stream.insert(stream.end(), bytes.begin(), bytes.end());
+  };
+  append(from_board(trace(1, 32), 0));
+  palpate_BoardStatus_1_0 status{};
+  status.sequence = 2;
+  append(from_board(status, 0));
+  append(
+      from_board(palpate_ModelReport_1_0{.sequence = 3, .status = 35, .model_tick = 0, .swap_tick = 0}, 0));
+  append(from_board(palpate_Command_Response_1_0{.status = 49, .mode = 1, ._token = 0}, 4, wire::kBoardNode,
+                    wire::kHostNode));
+  append(from_board(info, 5, wire::kBoardNode, wire::kHostNode));
+
+  std::vector<Incoming> messages;
+  for (const std::uint8_t byte : stream)
+    for (Incoming& message : host.receive(std::span(&byte, 1), 0)) messages.push_back(message);
+  ASSERT_EQ(messages.size(), 5u);
+  EXPECT_EQ(std::get<palpate_ServoTrace_1_0>(messages[0]).samples.elements[31].tip_m[2], 7.75f);
+  EXPECT_EQ(std::get<palpate_BoardStatus_1_0>(messages[1]).sequence, 2u);
+  EXPECT_EQ(std::get<palpate_ModelReport_1_0>(messages[2]).status, 35u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[3]).transfer_id, 4u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[3]).message.status, 49u);
+  EXPECT_EQ(std::get<InfoResponse>(messages[4]).message.schema_hash, wire::kSchemaHash);
+  EXPECT_EQ(host.counters().frames_received, 5u);
+  EXPECT_EQ(host.counters().frames_lost, 0u);
+  EXPECT_EQ(host.counters().bytes_received, stream.size());
+}
+
+TEST(HostEndpoint, WhatIsNotForItIsCountedAndLeftOut) {
+  HostEndpoint host;
+  EXPECT_TRUE(host.receive(from_board(trace(1), 0, 43), 0).empty());
+  EXPECT_TRUE(host.receive(from_board(trace(1), 0, wire::kBoardNode, 11), 0).empty());
+  EXPECT_EQ(host.counters().frames_foreign, 2u);
+  EXPECT_TRUE(host.receive(from_board(palpate_TraceRequest_1_0{.first_tick = 0, .count = 1}, 0), 0).empty());
+  EXPECT_EQ(host.counters().ports_unknown, 1u);
+
+  Bytes frame(200);
+  const Bytes short_payload(8, 1);
+  frame.resize(wire::encode_frame({.source = wire::kBoardNode, .specifier = wire::kServoTraceSubject},
+                                  short_payload, frame));
+  EXPECT_TRUE(host.receive(frame, 0).empty());
+  EXPECT_EQ(host.counters().payloads_malformed, 1u);
+
+  EXPECT_EQ(host.receive(from_board(trace(1), 1), 0).size(), 1u);
+  EXPECT_TRUE(host.receive(from_board(trace(1), 1), 0).empty());
+  EXPECT_EQ(host.counters().frames_repeated, 1u);
+  EXPECT_EQ(host.counters().frames_refused, 0u);
+}
+
+void expect_refused(const std::string& expected, const auto& call) {
+  try {
+    call();
+    ADD_FAILURE() << "not refused: " << expected;
+  } catch (const std::invalid_argument& error) {
+    EXPECT_EQ(error.what(), expected);
+  }
+}
+
+TEST(HostEndpoint, UnencodableMessagesNameFieldValueAndRange) {
+  HostEndpoint host;
+  auto model = std::make_unique<palpate_LocalModel_1_0>();
+  model->position_m.count = 97;
+  expect_refused("LocalModel.position_m.count is 97, allowed 0..96", [&] { host.encode(*model); });
+  model->position_m.count = 0;
+  model->basis.count = 9217;
+  expect_refused("LocalModel.basis.count is 9217, allowed 0..9216", [&] { host.encode(*model); });
+  expect_refused("TraceRequest.count is 0, allowed 1..256", [&] { host.encode(palpate_TraceRequest_1_0{}); });
+  expect_refused("TraceRequest.count is 257, allowed 1..256",
+                 [&] { host.encode(palpate_TraceRequest_1_0{.first_tick = 0, .count = 257}); });
+  expect_refused("Command.action is 7, allowed 0..6",
+                 [&] { host.encode(palpate_Command_Request_1_0{.action = 7, ._token = 0}); });
+  EXPECT_EQ(host.counters().frames_sent, 0u);
+  EXPECT_THROW(HostEndpoint(EndpointOptions{.node = 5, .board = 5}), std::invalid_argument);
+}
+
+// Values are the board's to judge: NaN and a wrong schema pass the encoder.
+TEST(HostEndpoint, ValuesPassUnjudged) {
+  HostEndpoint host;
+  auto model = std::make_unique<palpate_LocalModel_1_0>();
+  model->schema_hash = ~wire::kSchemaHash;
+  model->tip_radius_m = std::numeric_limits<float>::quiet_NaN();
+  wire::FrameHeader header;
+  const auto seen = as_board<palpate_LocalModel_1_0>(host.encode(*model).bytes, header);
+  EXPECT_TRUE(seen.tip_radius_m != seen.tip_radius_m);
+  EXPECT_EQ(seen.schema_hash, ~wire::kSchemaHash);
+}
+
+// The whole path at 921,600 baud: 100 traces with faults on some of them; the others arrive, and every loss
+// is counted.
+TEST(HostEndpoint, LossesOnTheWayAreCounted) {
+  HostEndpoint host;
+  Uart uart(921'600);
+  const std::array<Fault, 5> faults{Fault{3, FaultKind::drop, 0}, Fault{10, FaultKind::flip_bit, 333},
+                                    Fault{20, FaultKind::truncate, 50}, Fault{30, FaultKind::duplicate, 0},
+                                    Fault{40, FaultKind::drop, 0}};
+  FaultPlan plan(faults);
+  std::vector<std::uint32_t> sequences;
+  for (std::uint32_t tick = 0; tick < 1010; ++tick) {
+    for (const Incoming& message : host.receive(uart.deliver(tick), tick))
+      sequences.push_back(std::get<palpate_ServoTrace_1_0>(message).sequence);
+    if (tick % 10 == 0 && tick < 1000) {
+      ASSERT_TRUE(uart.submit(plan.apply(from_board(trace(tick / 10), tick / 10)), tick));
+    }
+  }
+  std::vector<std::uint32_t> expected;
+  for (std::uint32_t sequence = 0; sequence < 100; ++sequence)
+    if (sequence != 3 && sequence != 10 && sequence != 20 && sequence != 40) expected.push_back(sequence);
+  EXPECT_EQ(sequences, expected);
+  const EndpointCounters counters = host.counters();
+  EXPECT_EQ(counters.frames_lost, 4u);
+  EXPECT_EQ(counters.frames_refused, 2u);
+  EXPECT_EQ(counters.frames_repeated, 1u);
+  EXPECT_EQ(plan.faults_applied(), faults.size());
+}
+
+}  // namespace
+}  // namespace palpate::link

@@ -1,0 +1,197 @@
+// wire_sample hash | write | parse: a peer for clients of the wire protocol that are written independently.
+//   hash   prints the schema hash, hexadecimal
+//   write  writes one frame of each message to standard output; the values are those of sample_*() below
+//   parse  reads bytes from standard input; prints one JSON object a frame, then one with the receiver's
+//   counters
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "host/link/host_endpoint.hpp"
+#include "shared/wire/frame.hpp"
+
+namespace {
+
+using namespace palpate;
+
+void write(std::span<const std::uint8_t> bytes) {
+  std::fwrite(bytes.data(), 1, bytes.size(), stdout);
+}
+
+// A frame as the board sends it.
+template <class Message>
+void write_from_board(const Message& message, std::uint16_t destination, std::uint64_t transfer_id) {
+  std::vector<std::uint8_t> payload(wire::MessageTraits<Message>::kMaxBytes);
+  std::size_t length = 0;
+  if (wire::serialize(message, payload, length) != Status::ok) std::abort();
+  std::vector<std::uint8_t> frame(wire::max_frame_bytes(length));
+  frame.resize(wire::encode_frame({.priority = wire::Priority::nominal,
+                                   .source = wire::kBoardNode,
+                                   .destination = destination,
+                                   .specifier = wire::MessageTraits<Message>::kSpecifier,
+                                   .transfer_id = transfer_id},
+                                  std::span(payload).first(length), frame));
+  write(frame);
+}
+
+palpate_ServoTrace_1_0 sample_trace() {
+  palpate_ServoTrace_1_0 trace{.sequence = 3, .first_tick = 1000, .samples = {}};
+  trace.samples.count = 10;
+  for (std::size_t i = 0; i < trace.samples.count; ++i) {
+    const float value = static_cast<float>(i);
+    trace.samples.elements[i] = {.tip_m = {0.25f * value, -0.5f, 0.0f},
+                                 .force_N = {0.0f, 1.0f, -0.125f * value},
+                                 .mode = palpate_Contact_1_0_MODE_STICK,
+                                 .flags = palpate_ServoSample_1_0_FLAG_RENDERING,
+                                 .triangle = static_cast<std::uint16_t>(300 + i)};
+  }
+  return trace;
+}
+
+palpate_BoardStatus_1_0 sample_status() {
+  palpate_BoardStatus_1_0 status{};
+  status.sequence = 4;
+  status.schema_hash = wire::kSchemaHash;
+  status.tick = 1100;
+  status.mode = palpate_BoardStatus_1_0_MODE_RENDER;
+  status._token = 0xDEADBEEFu;
+  status.worst_tick_count = 5000;
+  status.clock_Hz = 25'000'000;
+  return status;
+}
+
+// The largest model: every array full.
+std::unique_ptr<palpate_LocalModel_1_0> sample_model() {
+  auto model = std::make_unique<palpate_LocalModel_1_0>();
+  model->sequence = 5;
+  model->schema_hash = wire::kSchemaHash;
+  model->tick = 990;
+  model->modes = kMaxModes;
+  model->tip_radius_m = 0.5f;
+  model->position_m.count = std::size(model->position_m.elements);
+  model->triangle_id.count = std::size(model->triangle_id.elements);
+  model->corner.count = std::size(model->corner.elements);
+  model->coefficient.count = std::size(model->coefficient.elements);
+  model->load.count = std::size(model->load.elements);
+  model->state_q.count = std::size(model->state_q.elements);
+  model->state_p.count = std::size(model->state_p.elements);
+  model->basis_scale.count = std::size(model->basis_scale.elements);
+  model->basis.count = std::size(model->basis.elements);
+  for (std::size_t i = 0; i < model->coefficient.count; ++i)
+    model->coefficient.elements[i] = 0.5f * static_cast<float>(i);
+  for (std::size_t i = 0; i < model->basis.count; ++i)
+    model->basis.elements[i] = static_cast<std::int16_t>(static_cast<int>(i) - 4608);
+  return model;
+}
+
+palpate_GetInfo_Response_1_0 sample_info() {
+  palpate_GetInfo_Response_1_0 info{};
+  info.schema_hash = wire::kSchemaHash;
+  constexpr std::string_view kBoard = "sample";
+  std::copy(kBoard.begin(), kBoard.end(), info.board.elements);
+  info.board.count = kBoard.size();
+  info.max_modes = kMaxModes;
+  info.tick_rate_Hz = 1000;
+  return info;
+}
+
+void write_samples() {
+  link::HostEndpoint host;
+  write_from_board(sample_trace(), wire::kBroadcast, 3);
+  write_from_board(sample_status(), wire::kBroadcast, 4);
+  write_from_board(palpate_ModelReport_1_0{.sequence = 5, .status = 34, .model_tick = 990, .swap_tick = 0},
+                   wire::kBroadcast, 6);
+  write_from_board(palpate_Command_Response_1_0{.status = 0, .mode = 1, ._token = 77}, wire::kHostNode, 0);
+  write_from_board(sample_info(), wire::kHostNode, 0);
+  write(host.encode(*sample_model()).bytes);
+  write(host.encode(palpate_TraceRequest_1_0{.first_tick = 950, .count = 40}).bytes);
+  write(host.encode(
+                palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 77})
+            .bytes);
+  write(host.encode(palpate_GetInfo_Request_1_0{}).bytes);
+}
+
+std::string hex(std::span<const std::uint8_t> bytes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (const std::uint8_t byte : bytes) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 0xF];
+  }
+  return text;
+}
+
+// The payload decoded and encoded again, hexadecimal; empty if it was refused.
+template <class Message>
+std::string again(std::span<const std::uint8_t> payload) {
+  const auto message = std::make_unique<Message>();
+  std::vector<std::uint8_t> bytes(wire::MessageTraits<Message>::kMaxBytes);
+  std::size_t length = 0;
+  if (wire::deserialize(payload, *message) != Status::ok) return {};
+  if (wire::serialize(*message, bytes, length) != Status::ok) return {};
+  return hex(std::span(bytes).first(length));
+}
+
+template <class... Messages>
+std::string again_by_specifier(const wire::Frame& frame) {
+  std::string text;
+  ((frame.header.specifier == wire::MessageTraits<Messages>::kSpecifier
+        ? text = again<Messages>(frame.payload)
+        : text),
+   ...);
+  return text;
+}
+
+void print(const wire::Frame& frame) {
+  const std::string decoded =
+      again_by_specifier<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
+                         palpate_LocalModel_1_0, palpate_TraceRequest_1_0, palpate_Command_Request_1_0,
+                         palpate_Command_Response_1_0, palpate_GetInfo_Request_1_0,
+                         palpate_GetInfo_Response_1_0>(frame);
+  std::printf(
+      "{\"priority\": %u, \"source\": %u, \"destination\": %u, \"specifier\": %u, \"transfer_id\": %llu, "
+      "\"payload\": \"%s\", \"decoded\": \"%s\"}\n",
+      static_cast<unsigned>(frame.header.priority), frame.header.source, frame.header.destination,
+      frame.header.specifier, static_cast<unsigned long long>(frame.header.transfer_id),
+      hex(frame.payload).c_str(), decoded.c_str());
+}
+
+void parse_input() {
+  const auto receiver = std::make_unique<wire::FrameReceiver<wire::kLargestPayloadToBoard>>();
+  std::array<std::uint8_t, 4096> buffer{};
+  for (std::size_t got = 1; got != 0;) {
+    got = std::fread(buffer.data(), 1, buffer.size(), stdin);
+    std::span<const std::uint8_t> bytes = std::span<const std::uint8_t>(buffer).first(got);
+    while (!bytes.empty()) {
+      const wire::Reception reception = receiver->receive(bytes);
+      bytes = bytes.subspan(reception.consumed);
+      if (reception.complete) print(reception.frame);
+    }
+  }
+  std::printf("{\"frames\": %u, \"refused\": %u}\n", receiver->counters().frames,
+              receiver->counters().refused());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string_view command = argc == 2 ? argv[1] : "";
+  if (command == "hash") {
+    std::printf("%016llx\n", static_cast<unsigned long long>(wire::kSchemaHash));
+  } else if (command == "write") {
+    write_samples();
+  } else if (command == "parse") {
+    parse_input();
+  } else {
+    std::fputs("usage: wire_sample hash | write | parse\n", stderr);
+    return 2;
+  }
+  return 0;
+}
