@@ -1,0 +1,31 @@
+"""The C++ core (host/python/bindings). Scene dictionaries are those of `palpate.scene.Scene.to_dict`.
+
+ValueError: the scene is not usable; the message names the key, the value and the allowed range. RuntimeError: the
+computation or the board failed. `progress(done, total)` is called in the calling thread, many times a second; False
+from it, or an exception, ends the computation (False as RuntimeError). The GIL is released in between.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Progress = Callable[[int, int], bool]
+
+def run_closed_loop(
+    scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress
+) -> dict[str, Any]:
+    """Runs plant, hand, link and session against a board that reads SensorFrames from sensor_fd and writes
+    ActuatorFrames to actuator_fd, and shuts the board down. Returns the datasets of `record_layout.RUN` by path, those
+    of reference/ excepted, and the counters of `record_layout.RUN_COUNTERS`."""
+
+def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    """The full body alone, its tip on the scene's path if there is one. Returns the datasets of
+    `record_layout.SIMULATE` by path."""
+
+def reference(
+    scene: dict[str, Any], time_s: NDArray[np.float64], tip_m: NDArray[np.float64], progress: Progress
+) -> dict[str, Any]:
+    """The full non-linear body with contact, stepped at the scene's reference.step_s while the tip goes through tip_m
+    (n, 3) at time_s (n,). Returns the datasets reference/* by path."""

@@ -1,0 +1,221 @@
+"""The command line: `palpate demo | run | simulate | test`.
+
+Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+from palpate import __version__
+from palpate.experiment import Outcome, ProgressBar, run, simulate
+from palpate.hil import BOARDS, BoardError
+from palpate.paths import ROOT, SCENES
+from palpate.scene import Scene, SceneError, load_scene
+from palpate.summary import failed_checks
+
+OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+_EPILOG = (
+    "exit codes: 0 done; 1 a check or a test failed, or the board did; 2 bad input, with one line that names "
+    "file, key, value and allowed range. Scenes: docs/scenes.md. Results: docs/records.md."
+)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = _Parser(
+        prog="palpate",
+        description="Haptic rendering of deformable bodies: firmware, plant and body in one repeatable loop.",
+        epilog=_EPILOG,
+    )
+    parser.add_argument("--version", action="version", version=f"palpate {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(
+            name, help=text, description=text[0].upper() + text[1:] + ".", epilog=_EPILOG
+        )
+        command.add_argument(
+            "--json",
+            action="store_true",
+            help="one JSON object on standard output, all else on standard error",
+        )
+        return command
+
+    def add_out(command: argparse.ArgumentParser, default: str) -> None:
+        command.add_argument(
+            "--out", type=Path, metavar="DIR", help=f"folder for the results (default: {default})"
+        )
+
+    def add_board(command: argparse.ArgumentParser) -> None:
+        command.add_argument(
+            "--board", choices=sorted(BOARDS), help="where the firmware runs (default: the scene's)"
+        )
+
+    demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
+    add_out(demo, "out/demo")
+    add_board(demo)
+    run_command = add("run", "run a scene with the firmware in the loop")
+    run_command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_out(run_command, "out/<name of the scene>")
+    add_board(run_command)
+    simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
+    simulate_command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_out(simulate_command, "out/<name of the scene>")
+    test = add("test", "pass every test; the last line counts passed, failed and skipped")
+    test.add_argument(
+        "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
+    )
+    return parser
+
+
+@contextmanager
+def _progress(label: str, unit: str) -> Iterator[ProgressBar]:
+    """A bar on a terminal's standard error; elsewhere one line when the phase begins."""
+    from tqdm import tqdm
+
+    if not sys.stderr.isatty():
+        print(f"{label} ...", file=sys.stderr, flush=True)
+    with tqdm(desc=label, unit=unit, file=sys.stderr, disable=None, dynamic_ncols=True, leave=False) as bar:
+
+        def update(done: int, total: int) -> bool:
+            bar.total = total
+            bar.update(done - bar.n)
+            return True
+
+        yield update
+
+
+def _format(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_format(item)}" for name, item in value.items())
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:,.4g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+_ROWS = {
+    "board": ("board", ""),
+    "ticks": ("servo ticks (1 kHz virtual time)", ""),
+    "missed_deadlines": ("missed deadlines", ""),
+    "worst_tick_instructions": ("longest servo tick", "instructions of 125,000"),
+    "worst_busy_instructions": ("longest tick with background work", "instructions of 125,000"),
+    "model_updates": ("local models taken over", ""),
+    "models_refused": ("local models refused", ""),
+    "model_age_ticks": ("age of the local model", "ms"),
+    "link_bytes_per_s": ("link", "bytes/s"),
+    "frames_lost": ("frames lost", ""),
+    "interpolated_ticks": ("ticks interpolated by the host", ""),
+    "nodes": ("nodes", ""),
+    "exported_times": ("times exported", ""),
+    "contact_ticks": ("ticks in contact", ""),
+    "stick_to_slip": ("stick to slip", ""),
+    "slip_to_stick": ("slip to stick", ""),
+    "peak_force_N": ("peak force", "N"),
+    "rms_force_N": ("rms force in contact", "N"),
+    "rms_force_error_percent": ("rms force error against the full body", "%"),
+    "contact_mode_divergence_ticks": ("ticks with another contact mode than it", ""),
+    "largest_force_jump_N": ("largest force jump at a model change", "N"),
+    "faults": ("faults latched", ""),
+    "record_hash": ("record hash", ""),
+    "wall_clock": ("wall clock of this machine", "s"),
+}
+
+
+def format_table(title: str, outcome: Outcome) -> str:
+    """The summary for a person."""
+    lines = [title or "Result"]
+    for key, (label, unit) in _ROWS.items():
+        if key in outcome.summary:
+            text = _format(outcome.summary[key])
+            lines.append(f"  {label:<42}{text}{f' {unit}' if unit and text != '-' else ''}")
+    lines.extend(
+        f"  {'wrote' if i == 0 else '':<42}{_short(file)}" for i, file in enumerate(outcome.files.values())
+    )
+    return "\n".join(lines)
+
+
+def _short(file: Path) -> str:
+    """The path as seen from the working directory, where it lies below."""
+    absolute = file.resolve()
+    return str(absolute.relative_to(Path.cwd())) if absolute.is_relative_to(Path.cwd()) else str(file)
+
+
+def _report(arguments: argparse.Namespace, scene: Scene, outcome: Outcome) -> None:
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(format_table(scene.sections.title, outcome), file=table)
+    if arguments.json:
+        files = {name: str(file) for name, file in outcome.files.items()}
+        print(json.dumps({**outcome.summary, "files": files}, allow_nan=False))
+
+
+def _output_folder(arguments: argparse.Namespace, scene: Scene) -> Path:
+    folder: Path = arguments.out or ROOT / "out" / scene.file.stem
+    if folder.exists() and not folder.is_dir():
+        raise SceneError(f"--out = {folder}: must be a folder")
+    return folder
+
+
+def _experiment(arguments: argparse.Namespace) -> int:
+    is_demo = arguments.command == "demo"
+    scene = load_scene(SCENES / "demo.toml" if is_demo else arguments.scene)
+    folder = _output_folder(arguments, scene)
+    if arguments.command != "simulate":
+        scene.require_path()
+    from palpate import _core  # after the scene is known to be good: bad input is told without it
+
+    if arguments.command == "simulate":
+        _report(arguments, scene, simulate(_core, scene, folder, _progress))
+        return OK
+    if arguments.board:
+        scene = scene.with_board(arguments.board)
+    outcome = run(_core, scene, arguments.command, folder, _progress)
+    _report(arguments, scene, outcome)
+    failures = failed_checks(outcome.summary)
+    for failure in failures:
+        print(f"palpate {arguments.command}: {'' if is_demo else 'warning: '}{failure}", file=sys.stderr)
+    return FAILED if failures and is_demo else OK
+
+
+def _test(arguments: argparse.Namespace) -> int:
+    from palpate.testing import run_tests
+
+    return OK if run_tests(quick=arguments.quick, as_json=arguments.json) else FAILED
+
+
+def _complain(arguments: argparse.Namespace, message: str) -> None:
+    print(message, file=sys.stderr)
+    if arguments.json:
+        print(json.dumps({"error": message}))
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs one command; returns the exit code."""
+    arguments = build_parser().parse_args(argv)
+    try:
+        return _test(arguments) if arguments.command == "test" else _experiment(arguments)
+    except SceneError as error:
+        _complain(arguments, str(error))
+        return BAD_INPUT
+    except (BoardError, RuntimeError, OSError, ImportError) as error:
+        _complain(arguments, f"palpate {arguments.command}: {error}")
+        return FAILED
+    except KeyboardInterrupt:
+        _complain(arguments, f"palpate {arguments.command}: interrupted")
+        return INTERRUPTED

@@ -1,0 +1,150 @@
+"""Writes the tables of docs/scenes.md and docs/records.md from the declarations in the code.
+
+`python -m palpate.docs` rewrites what stands between the markers `<!-- begin NAME -->` and `<!-- end NAME -->`;
+with `--check` it only says whether that would change anything.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from palpate import record_layout, summary
+from palpate.paths import ROOT
+from palpate.record_layout import Dataset
+from palpate.scene_schema import Choice, Flag, ListOf, TablesOf, Text, key_specs, section_specs
+from palpate.scene_sections import SceneFile
+
+_MARKED = re.compile(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", re.DOTALL)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines)
+
+
+def _range_text(kind: object, unit: str) -> str:
+    """The range without the words that the type column has already."""
+    if isinstance(kind, Flag | Text | TablesOf):
+        return f"at most {kind.max_length:,}" if isinstance(kind, TablesOf) else ""
+    if isinstance(kind, Choice):
+        return ", ".join(f"`{choice}`" for choice in kind.choices)
+    if isinstance(kind, ListOf):
+        return f"at most {kind.max_length:,}; each {_range_text(kind.of, unit)}"
+    text = kind.requirement(unit)  # type: ignore[attr-defined]
+    match = re.search(r"[\[(][-\d.e]+, [-+\d.e]+\].*", text)
+    return match[0] if match else text
+
+
+def _keys_table(cls: type) -> str:
+    rows = []
+    for name, spec in key_specs(cls):
+        default = spec.default_text
+        plain = default == "required" or spec.default is None
+        rows.append(
+            [
+                f"`{name}`",
+                spec.kind.type_text(),
+                spec.unit,
+                default if plain else f"`{default}`",
+                _range_text(spec.kind, spec.unit),
+                spec.description,
+            ]
+        )
+    return _table(["key", "type", "unit", "default", "range", "meaning"], rows)
+
+
+def _nested_tables(where: str, cls: type) -> list[str]:
+    named: dict[type, list[str]] = {}
+    for name, spec in key_specs(cls):
+        if isinstance(spec.kind, TablesOf):
+            named.setdefault(spec.kind.section, []).append(f"`{where}.{name}`")
+    return [
+        part
+        for table, names in named.items()
+        for part in (f"Each table of {' and '.join(names)}:", _keys_table(table))
+    ]
+
+
+def _section_parts(where: str, cls: type) -> list[str]:
+    parts = [_keys_table(cls), *_nested_tables(where, cls)] if key_specs(cls) else []
+    for name, spec in section_specs(cls):
+        full = f"{where}.{name}" if where else name
+        parts += [
+            f"## [{full}]" if not where else f"### [{full}]",
+            spec.description,
+            *_section_parts(full, spec.section),
+        ]
+    return parts
+
+
+def scene_tables() -> str:
+    """All keys of a scene, section by section."""
+    return "\n\n".join(["## Top level", *_section_parts("", SceneFile)])
+
+
+def dataset_table(layout: Sequence[Dataset]) -> str:
+    """Datasets of a record."""
+    types = {"f": "float", "u": "unsigned", "i": "integer"}
+    rows = []
+    for dataset in layout:
+        type_text = f"{types[dataset.dtype[0]]} {8 * int(dataset.dtype[1:])}"
+        meaning = dataset.description + (" (may be absent)" if dataset.optional else "")
+        hashed = "yes" if dataset.hashed else ""
+        rows.append([f"`/{dataset.path}`", dataset.shape_text(), type_text, dataset.unit, hashed, meaning])
+    return _table(["dataset", "shape", "type", "unit", "in record_hash", "meaning"], rows)
+
+
+def summary_table(keys: Sequence[summary.SummaryKey]) -> str:
+    """Keys of summary.json."""
+    return _table(["key", "unit", "meaning"], [[f"`{key.name}`", key.unit, key.definition] for key in keys])
+
+
+def blocks() -> dict[str, str]:
+    """Generated text by the name in its markers."""
+    return {
+        "scene_keys": scene_tables(),
+        "run_summary": summary_table(summary.RUN_KEYS),
+        "simulate_summary": summary_table(summary.SIMULATE_KEYS),
+        "run_datasets": dataset_table(record_layout.RUN),
+        "simulate_datasets": dataset_table(record_layout.SIMULATE),
+        "counters": _table(
+            ["attribute", "meaning"], [[f"`{k}`", v] for k, v in record_layout.RUN_COUNTERS.items()]
+        ),
+    }
+
+
+def rewrite(text: str) -> str:
+    """The text with every marked block brought up to date. KeyError for a marker that is not known."""
+    generated = blocks()
+    return _MARKED.sub(lambda m: f"<!-- begin {m[1]} -->\n{generated[m[1]]}\n<!-- end {m[1]} -->", text)
+
+
+FILES = (ROOT / "docs/scenes.md", ROOT / "docs/records.md")
+
+
+def outdated(files: Sequence[Path] = FILES) -> list[Path]:
+    """Those files whose tables do not agree with the code."""
+    return [file for file in files if rewrite(file.read_text("utf-8")) != file.read_text("utf-8")]
+
+
+def main() -> int:
+    """Returns 1 where `--check` finds an outdated file."""
+    parser = argparse.ArgumentParser(prog="python -m palpate.docs", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="change nothing")
+    check = parser.parse_args().check
+    old = outdated()
+    for file in old:
+        print(f"{file.relative_to(ROOT)}: {'is outdated' if check else 'brought up to date'}")
+        if not check:
+            file.write_text(rewrite(file.read_text("utf-8")), "utf-8")
+    return 1 if check and old else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

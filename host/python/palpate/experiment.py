@@ -1,0 +1,270 @@
+"""Runs a scene from beginning to end: closed loop or simulation, reference, record, summary and pictures."""
+
+import json
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import __version__, hil, record, record_layout, summary
+from palpate.record_layout import Dataset
+from palpate.scene import Scene, SceneError
+
+_OUTPUTS = ("summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "console.txt")
+_TICK_S = 1e-3
+
+
+class ProgressBar(Protocol):
+    """Called with (done, total); True goes on."""
+
+    def __call__(self, done: int, total: int) -> bool: ...
+
+
+class Progress(Protocol):
+    """Opens a progress bar for one phase of the work."""
+
+    def __call__(self, label: str, unit: str) -> AbstractContextManager[ProgressBar]: ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Numbers of an experiment and the files that were written, by name."""
+
+    summary: dict[str, Any]
+    files: dict[str, Path]
+
+
+def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress) -> Outcome:
+    """`palpate run` and `palpate demo`: the firmware on its board, in the loop with plant, hand and host.
+
+    Raises SceneError, hil.BoardError, or what the core raises.
+    """
+    scene.require_path()
+    board = hil.BOARDS[scene.sections.board.name]
+    given = scene.to_dict()
+    started_s = time.monotonic()
+    with progress(f"closed loop on {board.name}", "tick") as bar, _naming(scene):
+        results, console = hil.run_closed_loop(core, given, board, bar)
+    wall_clock_s = {"run_s": round(time.monotonic() - started_s, 3)}
+    counters = {name: results.pop(name) for name in record_layout.RUN_COUNTERS}
+    if scene.sections.reference.enabled:
+        started_s = time.monotonic()
+        with progress("reference", "tick") as bar, _naming(scene):
+            time_s = (np.asarray(results["ticks/tick"], dtype=np.float64) + 1.0) * _TICK_S
+            tip_m = np.asarray(results["ticks/tip_m"], dtype=np.float64)
+            results.update(core.reference(given, time_s, tip_m, bar))
+        wall_clock_s["reference_s"] = round(time.monotonic() - started_s, 3)
+    values = record.conform(record_layout.RUN, results)
+    numbers = summary.summarize_run(
+        values,
+        counters,
+        command=command,
+        title=scene.sections.title,
+        board=board.name,
+        instructions_per_count=board.instructions_per_count,
+        wall_clock_s=wall_clock_s,
+        record_hash=record.record_hash(record_layout.RUN, values),
+    )
+    files = _begin_output(folder)
+    _write_record(files, record_layout.RUN, values, scene, numbers, counters)
+    time_s = (values["ticks/tick"] + 1.0) * _TICK_S
+    if console.strip():
+        files.write_text("console.txt", console)
+    if scene.sections.outputs.csv:
+        record.write_tip_csv(
+            files.add("tip.csv"),
+            time_s,
+            values["ticks/tip_m"],
+            values["ticks/force_N"],
+            values["ticks/contact_mode"],
+        )
+    if scene.sections.outputs.pictures:
+        _draw_run(files, scene, values, time_s)
+    return Outcome(numbers, files.finish(numbers))
+
+
+def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outcome:
+    """`palpate simulate`: the full body alone, with the tip on its path if there is one.
+
+    Raises SceneError, or what the core raises.
+    """
+    started_s = time.monotonic()
+    with progress("simulation", "tick") as bar, _naming(scene):
+        results = core.simulate(scene.to_dict(), bar)
+    wall_clock_s = {"simulate_s": round(time.monotonic() - started_s, 3)}
+    values = record.conform(record_layout.SIMULATE, results)
+    numbers = summary.summarize_simulation(
+        values,
+        title=scene.sections.title,
+        ticks=scene.duration_ticks,
+        wall_clock_s=wall_clock_s,
+        record_hash=record.record_hash(record_layout.SIMULATE, values),
+    )
+    files = _begin_output(folder)
+    _write_record(files, record_layout.SIMULATE, values, scene, numbers, {})
+    outputs = scene.sections.outputs
+    touched = "tip/force_N" in values
+    if outputs.csv and touched:
+        record.write_tip_csv(
+            files.add("tip.csv"),
+            values["tip/time_s"],
+            values["tip/position_m"],
+            values["tip/force_N"],
+            values["tip/contact_mode"],
+        )
+    if outputs.csv and len(values["nodes/time_s"]):
+        record.write_nodes_csv(
+            files.add("nodes.csv"),
+            values["nodes/time_s"],
+            values["nodes/position_m"],
+            values["nodes/velocity_m_s"],
+        )
+    if outputs.pictures:
+        _draw_simulation(files, scene, values)
+    return Outcome(numbers, files.finish(numbers))
+
+
+class _naming:
+    """Puts the scene's file in front of the core's complaint about the scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._file = scene.file
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, ValueError) and not isinstance(error, SceneError):
+            raise SceneError(f"{self._file}: {' '.join(str(error).split())}") from None
+
+
+class _Output:
+    """The files of one experiment."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._files: dict[str, Path] = {}
+
+    def add(self, name: str) -> Path:
+        self._files[name] = self._folder / name
+        return self._files[name]
+
+    def write_text(self, name: str, text: str) -> None:
+        self.add(name).write_text(text, encoding="utf-8")
+
+    def finish(self, numbers: Mapping[str, Any]) -> dict[str, Path]:
+        """Writes summary.json last: where it stands, the others are complete."""
+        self.write_text("summary.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
+        return self._files
+
+
+def _begin_output(folder: Path) -> _Output:
+    """An empty place for the files: those of an earlier experiment go."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in _OUTPUTS:
+        (folder / name).unlink(missing_ok=True)
+    return _Output(folder)
+
+
+def _write_record(
+    files: _Output,
+    layout: tuple[Dataset, ...],
+    values: Mapping[str, Any],
+    scene: Scene,
+    numbers: Mapping[str, Any],
+    counters: Mapping[str, int | float],
+) -> None:
+    attributes: dict[str, str | int | float] = {
+        "palpate_version": __version__,
+        "record_hash": numbers["record_hash"],
+        "command": numbers["command"],
+        **counters,
+    }
+    if "board" in numbers:
+        attributes["board"] = numbers["board"]
+    record.write_record(files.add("record.h5"), layout, values, scene.text, attributes)
+
+
+def _title(scene: Scene, what: str) -> str:
+    return f"{scene.sections.title or scene.file.stem}: {what}"
+
+
+def _rest_normals(values: Mapping[str, NDArray[Any]], mode: NDArray[Any]) -> NDArray[np.float64]:
+    """Outward normals (n, 3) at rest of the triangles that a run touched; 0 when free."""
+    corners = values["body/rest_m"][values["body/triangles"]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    touching = mode != 0
+    normals = np.zeros((len(mode), 3))
+    normals[touching] = normal[values["ticks/triangle"][touching]]
+    return normals
+
+
+def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
+    from palpate import figures  # Matplotlib takes its time: only where something is drawn
+
+    mode = values["ticks/contact_mode"]
+    normal = _rest_normals(values, mode)
+    reference = None
+    if "reference/force_N" in values:
+        reference = figures.ForceTrace(values["reference/force_N"], values["reference/contact_mode"])
+        known = np.any(values["reference/normal"] != 0.0, axis=1)
+        normal[known] = values["reference/normal"][known]
+    age = values["ticks/model_age_ticks"].astype(np.float64)
+    age[values["ticks/model_sequence"] == 0] = np.nan
+    figures.save_forces(
+        files.add("forces.png"),
+        title=_title(scene, f"firmware on {scene.sections.board.name}"),
+        time_s=time_s,
+        rendered=figures.ForceTrace(values["ticks/force_N"], mode),
+        normal=normal,
+        friction=scene.friction,
+        reference=reference,
+        model_age_ticks=age,
+    )
+    _draw_body(files, scene, values, values["ticks/tip_m"])
+
+
+def _draw_simulation(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]]) -> None:
+    from palpate import figures
+
+    if "tip/force_N" in values:
+        figures.save_forces(
+            files.add("forces.png"),
+            title=_title(scene, "full body"),
+            time_s=values["tip/time_s"],
+            rendered=figures.ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
+            normal=values["tip/normal"],
+            friction=scene.friction,
+            rendered_name="full body",
+        )
+    _draw_body(files, scene, values, values.get("tip/position_m"))
+
+
+def _draw_body(
+    files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], path_m: NDArray[Any] | None
+) -> None:
+    from palpate import figures
+
+    nodes = scene.sections.body.nodes
+    lattice = (nodes[0], nodes[1], nodes[2]) if len(nodes) == 3 else (nodes[0], 1, nodes[1])
+    tip_m = values["body/tip_m"]
+    figures.save_body(
+        files.add("body.png"),
+        title=_title(scene, f"t = {float(values['body/time_s']):.3f} s"),
+        body=figures.BodyShape(
+            values["body/rest_m"],
+            values["body/position_m"],
+            values["body/triangles"],
+            lattice,
+            values["body/patch_nodes"],
+        ),
+        tip_m=tip_m if np.isfinite(tip_m).all() else None,
+        tip_radius_m=scene.sections.tool.radius_m,
+        path_m=path_m,
+    )

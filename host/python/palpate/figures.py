@@ -1,0 +1,354 @@
+"""Pictures of an experiment, from plain arrays: forces over time, and the deformed body."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+matplotlib.use("Agg")
+
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from palpate.record_layout import CONTACT_MODES
+
+Array = NDArray[Any]
+
+_MODE_COLOURS = ("#f2f2f2", "#a8d5a2", "#f6c177")  # free, stick, slip
+_NORMAL, _TANGENTIAL, _CONE, _ERROR, _AGE = "#1f5fa8", "#b3261e", "#6b6b6b", "#7a1fa2", "#3a3a3a"
+# Light where nothing moves, so that the mesh stays visible; lightness falls steadily, so that it also prints in grey.
+_DEFORMATION = LinearSegmentedColormap.from_list(
+    "deformation", ["#cfd6dc", "#8fbcdc", "#3f86bd", "#28529c", "#4b1566", "#2a0632"]
+)
+_MM = 1e3
+
+
+@dataclass(frozen=True)
+class ForceTrace:
+    """Tip force on the body and contact mode over time. force_N: (n, 3), device frame; contact_mode: (n,) 0, 1, 2."""
+
+    force_N: Array
+    contact_mode: Array
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """A body in two states. rest_m, position_m: (nodes, 3); triangles: (t, 3) node indices; lattice: its nodes along
+    x, y, z (numbered with x fastest), of which y has one in two dimensions; patch_nodes: (p,) node indices."""
+
+    rest_m: Array
+    position_m: Array
+    triangles: Array
+    lattice: tuple[int, int, int]
+    patch_nodes: Array
+
+
+def split_force(force_N: Array, normal: Array) -> tuple[Array, Array]:
+    """Pressing part along the inward normal and magnitude of the rest, in N. force_N, normal: (n, 3); normals point
+    out of the body and are of unit length; where one is 0 the whole force counts as pressing."""
+    known = np.linalg.norm(normal, axis=1) > 0.0
+    pressing_N = np.where(known, -np.einsum("ij,ij->i", force_N, normal), np.linalg.norm(force_N, axis=1))
+    tangential_N = np.where(known[:, None], force_N + pressing_N[:, None] * normal, 0.0)
+    return pressing_N, np.linalg.norm(tangential_N, axis=1)
+
+
+def save_forces(
+    file: Path,
+    *,
+    title: str,
+    time_s: Array,
+    rendered: ForceTrace,
+    normal: Array,
+    friction: tuple[float, float],
+    reference: ForceTrace | None = None,
+    model_age_ticks: Array | None = None,
+    rendered_name: str = "firmware",
+) -> None:
+    """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
+
+    time_s: (n,). normal: (n, 3), outward surface normal at the contact (0: none), for splitting the forces. friction: static and
+    kinetic coefficients. model_age_ticks: (n,), NaN where no model was rendered.
+    """
+    heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
+    figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")
+    panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
+    figure.suptitle(title, fontsize=12)
+    _draw_forces(panels[0], time_s, rendered, normal, friction, reference, rendered_name)
+    _draw_modes(panels[1], time_s, rendered, reference, rendered_name)
+    rest = panels[2:]
+    if reference is not None:
+        _draw_error(rest.pop(0), time_s, rendered, reference)
+    if model_age_ticks is not None:
+        _draw_age(rest.pop(0), time_s, model_age_ticks)
+    panels[-1].set_xlabel("virtual time [s]")
+    panels[-1].set_xlim(min(0.0, float(time_s[0])), float(time_s[-1]))
+    figure.savefig(file)
+
+
+def _draw_forces(
+    axes: Axes,
+    time_s: Array,
+    rendered: ForceTrace,
+    normal: Array,
+    friction: tuple[float, float],
+    reference: ForceTrace | None,
+    rendered_name: str,
+) -> None:
+    pressing_N, tangential_N = split_force(rendered.force_N, normal)
+    static, kinetic = friction
+    if static > 0.0:
+        label = (
+            rf"friction cone: {static:g} $f_n$"
+            if static == kinetic
+            else rf"friction cones: {static:g} $f_n$ (static), {kinetic:g} $f_n$ (kinetic)"
+        )
+        axes.fill_between(time_s, 0.0, static * pressing_N, color=_CONE, alpha=0.10, linewidth=0)
+        axes.plot(time_s, static * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (4, 2)), label=label)
+        if kinetic != static:
+            axes.plot(time_s, kinetic * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (1, 1.5)))
+    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=1.3, label=rf"normal $f_n$, {rendered_name}")
+    axes.plot(
+        time_s, tangential_N, color=_TANGENTIAL, linewidth=1.3, label=rf"tangential $|f_t|$, {rendered_name}"
+    )
+    if reference is not None:
+        pressing_N, tangential_N = split_force(reference.force_N, normal)
+        style: dict[str, Any] = {"color": "black", "linewidth": 0.8}
+        axes.plot(time_s, pressing_N, linestyle="-.", label=r"$f_n$, full body", **style)
+        axes.plot(time_s, tangential_N, linestyle=":", label=r"$|f_t|$, full body", **style)
+    axes.set_ylabel("force of the tip [N]")
+    axes.grid(alpha=0.25)
+    axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+
+def _draw_modes(
+    axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace | None, name: str
+) -> None:
+    rows = [(name, rendered.contact_mode)] + ([("full body", reference.contact_mode)] if reference else [])
+    tick_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1e-3
+    axes.imshow(
+        np.stack([mode for _, mode in rows]),
+        aspect="auto",
+        interpolation="nearest",
+        cmap=ListedColormap(_MODE_COLOURS),
+        vmin=0,
+        vmax=2,
+        extent=(float(time_s[0]) - 0.5 * tick_s, float(time_s[-1]) + 0.5 * tick_s, len(rows) - 0.5, -0.5),
+    )
+    axes.hlines(np.arange(1, len(rows)) - 0.5, *axes.get_xlim(), color="white", linewidth=2.0)
+    axes.set_yticks(range(len(rows)), [row for row, _ in rows], fontsize=8)
+    axes.set_ylabel("contact", rotation=0, ha="right", va="center", labelpad=4)
+    handles = [
+        Patch(facecolor=colour, edgecolor="#999999", linewidth=0.5, label=mode)
+        for mode, colour in zip(CONTACT_MODES, _MODE_COLOURS, strict=True)
+    ]
+    axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+
+
+def _draw_error(axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace) -> None:
+    error_mN = _MM * np.linalg.norm(rendered.force_N - reference.force_N, axis=1)
+    axes.plot(time_s, error_mN, color=_ERROR, linewidth=0.9)
+    axes.set_ylabel("error [mN]")
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.25)
+
+
+def _draw_age(axes: Axes, time_s: Array, model_age_ticks: Array) -> None:
+    axes.plot(time_s, model_age_ticks, color=_AGE, linewidth=0.8)
+    axes.set_ylabel("age of the\nmodel [ms]")
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.25)
+
+
+def save_body(
+    file: Path,
+    *,
+    title: str,
+    body: BodyShape,
+    tip_m: Array | None = None,
+    tip_radius_m: float = 0.0,
+    path_m: Array | None = None,
+) -> None:
+    """Draws the deformed body, coloured by displacement, with the patch, the tool and its path.
+
+    tip_m: (3,); path_m: (n, 3), the tip's path. A body in three dimensions is drawn as a whole and as the section
+    through the layer of nodes nearest to the tip; a sheet only as the latter.
+    """
+    displacement_mm = _MM * np.linalg.norm(body.position_m - body.rest_m, axis=1)
+    norm = Normalize(0.0, max(float(displacement_mm.max()), 1e-6))
+    whole = body.lattice[1] > 1
+    figure = Figure(figsize=(14.0, 6.6) if whole else (8.6, 7.0), dpi=120, layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    if whole:
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
+        _draw_surface(
+            figure.add_subplot(grid[0], projection="3d", computed_zorder=False),
+            body,
+            displacement_mm,
+            norm,
+            tip_m,
+            tip_radius_m,
+            path_m,
+        )
+        section = figure.add_subplot(grid[1])
+    else:
+        section = figure.add_subplot()
+    _draw_section(section, body, displacement_mm, norm, tip_m, tip_radius_m, path_m)
+    colours = matplotlib.cm.ScalarMappable(norm=norm, cmap=_DEFORMATION)
+    figure.colorbar(colours, ax=section, label="displacement of the nodes [mm]", shrink=0.8)
+    figure.savefig(file)
+
+
+def _draw_surface(
+    axes: Any,
+    body: BodyShape,
+    displacement_mm: Array,
+    norm: Normalize,
+    tip_m: Array | None,
+    tip_radius_m: float,
+    path_m: Array | None,
+) -> None:
+    points_mm = _MM * body.position_m
+    colour = _DEFORMATION(norm(displacement_mm[body.triangles].mean(axis=1)))
+    surface = Poly3DCollection(
+        points_mm[body.triangles], facecolors=colour, edgecolors="#00000040", linewidths=0.3, zorder=1
+    )
+    axes.add_collection3d(surface)
+    top = (
+        body.patch_nodes[np.isin(body.patch_nodes, body.triangles)]
+        if len(body.patch_nodes)
+        else body.patch_nodes
+    )
+    if len(top):
+        axes.scatter(
+            *points_mm[top].T,
+            s=16,
+            color="white",
+            edgecolors=_TANGENTIAL,
+            linewidths=1.1,
+            depthshade=False,
+            zorder=3,
+            label="patch (surface nodes)",
+        )
+    extent = [points_mm]
+    if path_m is not None:
+        axes.plot(*(_MM * path_m.T), color="black", linewidth=1.2, zorder=4, label="path of the tip")
+        extent.append(_MM * path_m)
+    if tip_m is not None:
+        axes.scatter(
+            *(_MM * tip_m),
+            s=60,
+            color=_TANGENTIAL,
+            edgecolors="black",
+            depthshade=False,
+            zorder=5,
+            label="tip",
+        )
+        if tip_radius_m > 0.0:
+            axes.add_collection3d(_sphere_mm(tip_m, tip_radius_m))
+    corners = np.concatenate(extent)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    axes.set(
+        xlim=(low[0], high[0]),
+        ylim=(low[1], high[1]),
+        zlim=(low[2], high[2]),
+        xlabel="x [mm]",
+        ylabel="y [mm]",
+        zlabel="z [mm]",
+    )
+    axes.set_box_aspect(np.maximum(high - low, 1e-6))
+    axes.view_init(elev=32, azim=-58)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", fontsize=8)
+
+
+def _sphere_mm(centre_m: Array, radius_m: float) -> Poly3DCollection:
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 25), indexing="ij")
+    unit = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    grid = _MM * (centre_m + radius_m * unit)
+    faces = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+    return Poly3DCollection(faces, facecolors=_TANGENTIAL, edgecolors="none", alpha=0.45, zorder=4)
+
+
+def _draw_section(
+    axes: Axes,
+    body: BodyShape,
+    displacement_mm: Array,
+    norm: Normalize,
+    tip_m: Array | None,
+    tip_radius_m: float,
+    path_m: Array | None,
+) -> None:
+    nx, ny, nz = body.lattice
+    layers = body.rest_m.reshape(nz, ny, nx, 3)[0, :, 0, 1]
+    layer = 0 if tip_m is None else int(np.argmin(np.abs(layers - tip_m[1])))
+    nodes = np.arange(nx * ny * nz).reshape(nz, ny, nx)[:, layer, :]
+    pairs = np.array([*_pairs(nodes), *_pairs(nodes.T)])
+    flat_mm = _MM * body.position_m[:, [0, 2]]
+    rest_mm = _MM * body.rest_m[:, [0, 2]]
+    axes.add_collection(LineCollection(list(rest_mm[pairs]), colors="#d8d8d8", linewidths=0.6, zorder=1))
+    axes.add_collection(
+        LineCollection(
+            list(flat_mm[pairs]),
+            array=displacement_mm[pairs].mean(axis=1),
+            norm=norm,
+            cmap=_DEFORMATION,
+            linewidths=1.1,
+            zorder=2,
+        )
+    )
+    x_mm, z_mm = flat_mm[nodes.ravel()].T
+    axes.scatter(
+        x_mm,
+        z_mm,
+        c=displacement_mm[nodes.ravel()],
+        norm=norm,
+        cmap=_DEFORMATION,
+        s=max(3.0, 260.0 / max(nx, nz)),
+        zorder=3,
+    )
+    patch = body.patch_nodes[np.isin(body.patch_nodes, nodes)]
+    if len(patch):
+        x_mm, z_mm = flat_mm[patch].T
+        axes.scatter(
+            x_mm,
+            z_mm,
+            s=52,
+            facecolors="none",
+            edgecolors=_TANGENTIAL,
+            linewidths=1.2,
+            zorder=4,
+            label="patch",
+        )
+    if path_m is not None:
+        axes.plot(
+            *(_MM * path_m[:, [0, 2]].T), color="black", linewidth=1.0, zorder=5, label="path of the tip"
+        )
+    if tip_m is not None:
+        centre = (float(_MM * tip_m[0]), float(_MM * tip_m[2]))
+        if tip_radius_m > 0.0:
+            axes.add_patch(Circle(centre, _MM * tip_radius_m, facecolor=_TANGENTIAL, alpha=0.35, zorder=5))
+        axes.plot(
+            *centre, "o", markersize=7, color=_TANGENTIAL, markeredgecolor="black", zorder=6, label="tip"
+        )
+    axes.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal")
+    axes.set_title(
+        f"section at y = {_MM * layers[layer]:.1f} mm (grey: at rest)" if ny > 1 else "grey: at rest",
+        fontsize=10,
+    )
+    axes.autoscale_view()
+    axes.margins(0.05)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", fontsize=8)
+
+
+def _pairs(grid: Array) -> Sequence[tuple[int, int]]:
+    """Neighbouring nodes along the second axis of a grid of node indices."""
+    return list(zip(grid[:, :-1].ravel().tolist(), grid[:, 1:].ravel().tolist(), strict=True))

@@ -1,0 +1,147 @@
+"""Writes and reads the record of an experiment (HDF5, CSV) and computes its hash. Layout: docs/records.md."""
+
+import csv
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.record_layout import CONTACT_MODES, Dataset
+
+Values = Mapping[str, Any]
+_HASH_HEADER = b"palpate record 1\n"
+
+
+class RecordError(ValueError):
+    """The values do not fit the layout, or a file is not a record."""
+
+
+def conform(layout: Sequence[Dataset], values: Values) -> dict[str, NDArray[Any]]:
+    """The values as arrays of the layout's types. Raises RecordError for a missing or unknown dataset, a wrong shape,
+    or a number that its type cannot hold."""
+    unknown = sorted(set(values) - {dataset.path for dataset in layout})
+    if unknown:
+        raise RecordError(f"{unknown[0]}: not in the record's layout")
+    lengths: dict[str, tuple[int, str]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
+    for dataset in layout:
+        if dataset.path not in values:
+            if dataset.optional:
+                continue
+            raise RecordError(f"{dataset.path}: missing")
+        given = np.asarray(values[dataset.path])
+        array = np.ascontiguousarray(given, dtype=np.dtype(dataset.dtype).newbyteorder("<")).reshape(
+            given.shape
+        )
+        if array.dtype.kind != "f" and not np.array_equal(array, given):
+            raise RecordError(f"{dataset.path}: has numbers that do not fit {dataset.dtype}")
+        _check_shape(dataset, array, lengths)
+        arrays[dataset.path] = array
+    return arrays
+
+
+def _check_shape(dataset: Dataset, array: NDArray[Any], lengths: dict[str, tuple[int, str]]) -> None:
+    fits = array.ndim == len(dataset.shape)
+    for name, length in zip(dataset.shape, array.shape, strict=False):
+        if isinstance(name, int):
+            fits = fits and length == name
+        else:
+            expected, first = lengths.setdefault(name, (length, dataset.path))
+            if length != expected:
+                raise RecordError(f"{dataset.path}: has {length} {name}, but {first} has {expected}")
+    if not fits:
+        raise RecordError(f"{dataset.path}: has shape {array.shape}, must be {dataset.shape_text()}")
+
+
+def record_hash(layout: Sequence[Dataset], values: Values) -> str:
+    """SHA-256 (hexadecimal) over the hashed datasets, in the layout's order; absent optional ones are skipped.
+
+    Of each: its path, type and shape as text, then its numbers, little-endian in C order. Equal hashes mean equal bits.
+    """
+    digest = hashlib.sha256(_HASH_HEADER)
+    arrays = conform(layout, values)
+    for dataset in layout:
+        if dataset.hashed and dataset.path in arrays:
+            array = arrays[dataset.path]
+            shape = "x".join(map(str, array.shape))
+            digest.update(f"{dataset.path} {dataset.dtype} {shape}\n".encode())
+            digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def write_record(
+    file: Path,
+    layout: Sequence[Dataset],
+    values: Values,
+    scene_text: str,
+    attributes: Mapping[str, str | int | float],
+) -> None:
+    """Writes an HDF5 record: the datasets with units and descriptions as attributes, the scene's text as /scene."""
+    arrays = conform(layout, values)
+    with h5py.File(file, "w") as h5:
+        for name, value in attributes.items():
+            h5.attrs[name] = value
+        h5.create_dataset("scene", data=scene_text, dtype=h5py.string_dtype("utf-8"))
+        for dataset in layout:
+            if dataset.path not in arrays:
+                continue
+            array = arrays[dataset.path]
+            options = (
+                {"compression": "gzip", "compression_opts": 1, "shuffle": True} if array.size > 64 else {}
+            )
+            stored = h5.create_dataset(dataset.path, data=array, **options)
+            stored.attrs["unit"] = dataset.unit
+            stored.attrs["description"] = dataset.description
+
+
+def read_record(file: Path, layout: Sequence[Dataset]) -> tuple[dict[str, NDArray[Any]], str, dict[str, Any]]:
+    """Datasets by path, the scene's text, and the attributes of a record that `write_record` wrote.
+
+    Raises RecordError where the file does not fit the layout, OSError where it is not HDF5.
+    """
+    with h5py.File(file, "r") as h5:
+        if "scene" not in h5:
+            raise RecordError(f"{file}: has no /scene")
+        values = {dataset.path: h5[dataset.path][()] for dataset in layout if dataset.path in h5}
+        scene_text = h5["scene"].asstr()[()]
+        attributes = dict(h5.attrs.items())
+    return conform(layout, values), scene_text, attributes
+
+
+def write_tip_csv(
+    file: Path, time_s: NDArray[Any], tip_m: NDArray[Any], force_N: NDArray[Any], contact_mode: NDArray[Any]
+) -> None:
+    """Tip position, force on the body and contact mode of every tick; a scene's path.csv may name such a file.
+
+    time_s: (n,); tip_m, force_N: (n, 3), device frame; contact_mode: (n,) of 0, 1, 2.
+    """
+    with file.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(
+            ["time_s", "x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N", "contact_mode"]
+        )
+        for t, tip, force, mode in zip(
+            time_s.tolist(), tip_m.tolist(), force_N.tolist(), contact_mode.tolist(), strict=True
+        ):
+            writer.writerow([_seconds(t), *tip, *force, CONTACT_MODES[mode]])
+
+
+def write_nodes_csv(
+    file: Path, time_s: NDArray[Any], position_m: NDArray[Any], velocity_m_s: NDArray[Any]
+) -> None:
+    """Positions and velocities (times, nodes, 3) of all nodes, one line per time and node."""
+    with file.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["time_s", "node", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"])
+        for t, positions, velocities in zip(time_s.tolist(), position_m, velocity_m_s, strict=True):
+            for node, (x, v) in enumerate(zip(positions.tolist(), velocities.tolist(), strict=True)):
+                writer.writerow([_seconds(t), node, *x, *v])
+
+
+def _seconds(time_s: float) -> str:
+    """Ticks are whole milliseconds: written without the digits of their binary rounding."""
+    return f"{time_s:.9g}"

@@ -1,0 +1,167 @@
+"""Scenes: reads a TOML file into typed values, all checked, and hands them to the core.
+
+The format is documented in docs/scenes.md. A scene alone reproduces an experiment.
+"""
+
+import math
+import re
+import tomllib
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from palpate.scene_checks import check_scene, friction, steps_per_tick
+from palpate.scene_schema import Reader, SceneError, read_section
+from palpate.scene_sections import TICK_S, Body, Path, SceneFile
+from palpate.tip_path import Interpolation, TipPath, read_csv
+
+__all__ = ["Scene", "SceneError", "load_scene"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A checked scene: the file's own sections, its path with the CSV file read, and the text that it came from."""
+
+    file: FilePath
+    text: str
+    sections: SceneFile
+    path: TipPath | None
+
+    @property
+    def duration_ticks(self) -> int:
+        """Length of the experiment in servo ticks of 1 ms."""
+        return round(self.sections.duration_s / TICK_S)
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Coefficients of static and kinetic friction."""
+        return friction(self.sections.contact)
+
+    @property
+    def damping_N_s_m(self) -> float:
+        """Damping of each spring; the ratio is b / sqrt(2 m k) (Table 2 of Jacobs, Fu and Cavusoglu, 2010)."""
+        body = self.sections.body
+        if body.damping_N_s_m is not None:
+            return body.damping_N_s_m
+        ratio = 1.0 if body.damping_ratio is None else body.damping_ratio
+        return ratio * math.sqrt(2.0 * body.mass_kg * body.stiffness_N_m)
+
+    def with_board(self, name: str) -> "Scene":
+        """The same scene on another board."""
+        return replace(self, sections=replace(self.sections, board=replace(self.sections.board, name=name)))
+
+    def require_path(self) -> TipPath:
+        """The path; raises SceneError where the scene has none."""
+        if self.path is None:
+            raise Reader(self.file).problem(
+                "path", "missing; must be a table [path] with waypoints or csv for palpate run"
+            )
+        return self.path
+
+    def to_dict(self) -> dict[str, Any]:
+        """The scene as `palpate._core` takes it: nested dictionaries of numbers, strings, lists and arrays.
+
+        Defaults that follow from other keys are filled in; indices and vectors of a sheet get their y. `path` is None
+        or {interpolation, time_s (n,), position_m (n, 3)}.
+        """
+        values = asdict(self.sections)
+        values["duration_ticks"] = self.duration_ticks
+        values["body"] = _body_dict(self.sections.body, self.damping_N_s_m)
+        static, kinetic = self.friction
+        values["contact"] = {"static_friction": static, "kinetic_friction": kinetic}
+        values["integrator"]["steps_per_tick"] = steps_per_tick(self.sections.integrator.step_s)
+        values["reference"]["steps_per_tick"] = steps_per_tick(self.sections.reference.step_s)
+        values["outputs"]["node_ticks"] = [
+            round(time_s / TICK_S) for time_s in self.sections.outputs.node_times_s
+        ]
+        path = self.path
+        values["path"] = path and {
+            "interpolation": path.interpolation,
+            "time_s": path.time_s,
+            "position_m": path.position_m,
+        }
+        return values
+
+
+def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:
+    def three(values: tuple[Any, ...], middle: Any) -> list[Any]:
+        """[x, z] of a sheet as [x, middle, z]."""
+        return list(values) if len(values) == 3 else [values[0], middle, values[1]]
+
+    return {
+        "dimension": body.dimension,
+        "nodes": three(body.nodes, 1),
+        "spacing_m": body.spacing_m,
+        "origin_m": list(body.origin_m),
+        "mass_kg": body.mass_kg,
+        "stiffness_N_m": body.stiffness_N_m,
+        "damping_N_s_m": damping_N_s_m,
+        "neighbours": body.neighbours,
+        "fixed_faces": list(body.fixed_faces),
+        "fixed_nodes": [three(node, 0) for node in body.fixed_nodes],
+        "gravity_m_s2": list(body.gravity_m_s2),
+        "initial_nodes": [three(start.node, 0) for start in body.initial_displacements],
+        "initial_displacements_m": [three(start.displacement_m, 0.0) for start in body.initial_displacements],
+    }
+
+
+def load_scene(file: FilePath) -> Scene:
+    """Reads and checks a scene. Raises SceneError: one line that names the file, the key, the value and its range."""
+    reader = Reader(file)
+    text = _read_text(file)
+    try:
+        table = tomllib.loads(text)
+    except ValueError as error:
+        raise _syntax_error(file, text, str(error)) from None
+    except RecursionError:
+        raise SceneError(f"{file}: not TOML that can be read: nested too deeply") from None
+    sections = read_section(reader, "", SceneFile, table)
+    check_scene(reader, sections)
+    path = None if sections.path is None else _load_path(reader, sections.path)
+    return Scene(file, text, sections, path)
+
+
+def _read_text(file: FilePath) -> str:
+    try:
+        return file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise SceneError(f"{file}: not TOML: is not UTF-8 text") from None
+    except FileNotFoundError:
+        raise SceneError(f"{file}: no such file: must be a scene in TOML (docs/scenes.md)") from None
+    except OSError as error:
+        raise SceneError(f"{file}: {error.strerror}: must be a scene in TOML (docs/scenes.md)") from None
+
+
+def _syntax_error(file: FilePath, text: str, message: str) -> SceneError:
+    """tomllib ends its messages with "(at line 3, column 5)" or "(at end of document)"."""
+    match = re.search(r" *\(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+    if match is None:
+        return SceneError(f"{file}: not TOML: {' '.join(message.split())}")
+    line = match[1] or str(text.count("\n") + 1)
+    column = f" (column {match[2]})" if match[2] else " (end of the file)"
+    return SceneError(f"{file}:{line}: not TOML: {' '.join(message[: match.start()].split())}{column}")
+
+
+def _load_path(reader: Reader, path: Path) -> TipPath:
+    if path.waypoints is not None:
+        time_s = np.array([point.time_s for point in path.waypoints], dtype=np.float64)
+        position_m = np.array([point.position_m for point in path.waypoints], dtype=np.float64)
+        default: Interpolation = "minimum_jerk"
+    else:
+        assert path.csv is not None
+        file = reader.file.parent / path.csv
+        if "\0" in path.csv:
+            raise reader.error("path.csv", path.csv, "the name of a file")
+        try:
+            time_s, position_m = read_csv(file)
+        except OSError as error:
+            raise reader.error(
+                "path.csv", path.csv, f"a readable CSV file ({file}: {error.strerror})"
+            ) from None
+        default = "linear"
+    interpolation: Interpolation = default
+    if path.interpolation is not None:
+        interpolation = "linear" if path.interpolation == "linear" else "minimum_jerk"
+    return TipPath(time_s, position_m, interpolation)

@@ -1,0 +1,207 @@
+"""Checks that relate several keys of a scene to each other; those of one key alone are in `scene_sections`."""
+
+import math
+from itertools import product
+
+from palpate.scene_schema import Reader, SceneError
+from palpate.scene_sections import TICK_S, Body, Contact, Hand, LinkFault, Outputs, Path, SceneFile
+
+MAX_PATCH_NODES = 64
+# 1.2 GB of positions and velocities in memory and in the record.
+MAX_EXPORTED_NODES = 25_000_000
+
+
+def check_scene(reader: Reader, scene: SceneFile) -> None:
+    """Raises SceneError for the first combination of keys that is not usable."""
+    _check_body(reader, scene.body)
+    _check_step(reader, "integrator.step_s", scene.integrator.step_s)
+    _check_contact(reader, scene.contact)
+    if scene.path is not None:
+        if scene.body.dimension == 2:
+            raise reader.problem(
+                "path",
+                "a two-dimensional body cannot be touched; body.dimension must be 3, or [path] "
+                "must be left out",
+            )
+        if scene.integrator.method != "semi_implicit":
+            raise reader.error(
+                "integrator.method", scene.integrator.method, '"semi_implicit" where [path] is given'
+            )
+        _check_path(reader, scene.path)
+    _check_hand(reader, scene.hand)
+    _check_patch(reader, scene)
+    _check_link_faults(reader, "link.faults.down", scene.link.faults.down)
+    _check_link_faults(reader, "link.faults.up", scene.link.faults.up)
+    _check_step(reader, "reference.step_s", scene.reference.step_s)
+    _check_outputs(reader, scene.outputs, scene)
+
+
+def steps_per_tick(step_s: float) -> int | None:
+    """How many steps make a servo tick; None where the tick is not a whole number of them."""
+    steps = round(TICK_S / step_s)
+    return steps if math.isclose(steps * step_s, TICK_S, rel_tol=1e-9) else None
+
+
+def _check_step(reader: Reader, where: str, step_s: float) -> None:
+    if steps_per_tick(step_s) is None:
+        raise reader.error(where, step_s, f"{TICK_S:g} s divided by a whole number in [1, 1000]")
+
+
+def _check_body(reader: Reader, body: Body) -> None:
+    dimension = body.dimension
+    if len(body.nodes) != dimension:
+        raise reader.error(
+            "body.nodes",
+            list(body.nodes),
+            f"{dimension} whole numbers in [2, 64] where body.dimension = {dimension}",
+        )
+    if body.damping_ratio is not None and body.damping_N_s_m is not None:
+        raise reader.problem(
+            "body.damping_N_s_m",
+            f"given together with body.damping_ratio = {body.damping_ratio:g}; must be only one",
+        )
+    if dimension == 2 and body.gravity_m_s2[1] != 0.0:
+        raise reader.error("body.gravity_m_s2", list(body.gravity_m_s2), "0 along y where body.dimension = 2")
+    if dimension == 2:
+        for i, face in enumerate(body.fixed_faces):
+            if face.startswith("y"):
+                raise reader.error(
+                    f"body.fixed_faces[{i}]", face, 'one of "x-", "x+", "z-", "z+" where body.dimension = 2'
+                )
+    for i, node in enumerate(body.fixed_nodes):
+        _check_node(reader, f"body.fixed_nodes[{i}]", node, body)
+    fixed = fixed_nodes(body)
+    if not fixed:
+        raise reader.error(
+            "body.fixed_faces",
+            list(body.fixed_faces),
+            "such that at least one node is fixed, by body.fixed_faces or body.fixed_nodes",
+        )
+    if len(fixed) == math.prod(body.nodes):
+        raise reader.error("body.fixed_faces", list(body.fixed_faces), "such that at least one node is free")
+    seen: set[tuple[int, ...]] = set()
+    for i, start in enumerate(body.initial_displacements):
+        where = f"body.initial_displacements[{i}]"
+        _check_node(reader, f"{where}.node", start.node, body)
+        if len(start.displacement_m) != dimension:
+            raise reader.error(
+                f"{where}.displacement_m",
+                list(start.displacement_m),
+                f"{dimension} numbers in [-1, 1] m where body.dimension = {dimension}",
+            )
+        if start.node in fixed:
+            raise reader.error(f"{where}.node", list(start.node), "a node that is not fixed")
+        if start.node in seen:
+            raise reader.error(f"{where}.node", list(start.node), "a node that is not displaced already")
+        seen.add(start.node)
+
+
+def _check_node(reader: Reader, where: str, node: tuple[int, ...], body: Body) -> None:
+    if len(node) != body.dimension or any(
+        index >= count for index, count in zip(node, body.nodes, strict=True)
+    ):
+        ranges = ", ".join(f"0..{count - 1}" for count in body.nodes)
+        raise reader.error(where, list(node), f"indices within [{ranges}]")
+
+
+def fixed_nodes(body: Body) -> set[tuple[int, ...]]:
+    """Indices of all nodes that do not move."""
+    fixed = set(body.fixed_nodes)
+    axes = "xyz" if body.dimension == 3 else "xz"
+    for face in body.fixed_faces:
+        axis = axes.index(face[0])
+        index = 0 if face[1] == "-" else body.nodes[axis] - 1
+        ranges = [range(count) for count in body.nodes]
+        ranges[axis] = range(index, index + 1)
+        fixed.update(product(*ranges))
+    return fixed
+
+
+def _check_contact(reader: Reader, contact: Contact) -> None:
+    if contact.friction is not None:
+        for name, value in (
+            ("static_friction", contact.static_friction),
+            ("kinetic_friction", contact.kinetic_friction),
+        ):
+            if value is not None:
+                raise reader.problem(
+                    f"contact.{name}",
+                    f"given together with contact.friction = {contact.friction:g}; must be only one",
+                )
+    static, kinetic = friction(contact)
+    if contact.kinetic_friction is not None and contact.static_friction is None:
+        raise reader.problem(
+            "contact.static_friction", "missing; must be in [0, 10] where contact.kinetic_friction is given"
+        )
+    if kinetic > static:
+        raise reader.error(
+            "contact.kinetic_friction", kinetic, f"in [0, {static:g}], at most contact.static_friction"
+        )
+
+
+def friction(contact: Contact) -> tuple[float, float]:
+    """Coefficients of static and of kinetic friction, with the defaults filled in."""
+    static = next((v for v in (contact.static_friction, contact.friction) if v is not None), 0.0)
+    return static, static if contact.kinetic_friction is None else contact.kinetic_friction
+
+
+def _check_path(reader: Reader, path: Path) -> None:
+    if (path.waypoints is None) == (path.csv is None):
+        problem = "missing" if path.csv is None else f'given together with path.csv = "{path.csv}"'
+        raise reader.problem(
+            "path.waypoints", f"{problem}; must be exactly one of path.waypoints and path.csv"
+        )
+    if path.waypoints is None:
+        return
+    if not path.waypoints:
+        raise reader.error("path.waypoints", [], "a list of at least one point")
+    for i in range(1, len(path.waypoints)):
+        time_s, before_s = path.waypoints[i].time_s, path.waypoints[i - 1].time_s
+        if time_s <= before_s:
+            raise reader.error(
+                f"path.waypoints[{i}].time_s", time_s, f"greater than the previous time {before_s:.12g} s"
+            )
+
+
+def _check_hand(reader: Reader, hand: Hand) -> None:
+    for i in range(1, len(hand.grip_changes)):
+        time_s, before_s = hand.grip_changes[i].time_s, hand.grip_changes[i - 1].time_s
+        if time_s <= before_s:
+            raise reader.error(
+                f"hand.grip_changes[{i}].time_s", time_s, f"greater than the previous time {before_s:.12g} s"
+            )
+
+
+def _check_patch(reader: Reader, scene: SceneFile) -> None:
+    patch = scene.model.patch_nodes
+    if math.prod(patch) > MAX_PATCH_NODES:
+        raise reader.error("model.patch_nodes", list(patch), f"at most {MAX_PATCH_NODES} nodes in all")
+
+
+def _check_link_faults(reader: Reader, where: str, faults: tuple[LinkFault, ...]) -> None:
+    seen: set[int] = set()
+    for i, fault in enumerate(faults):
+        if fault.frame in seen:
+            raise reader.error(f"{where}[{i}].frame", fault.frame, "a frame that has no fault yet")
+        seen.add(fault.frame)
+
+
+def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:
+    times_s = outputs.node_times_s
+    for i, time_s in enumerate(times_s):
+        if time_s > scene.duration_s:
+            raise reader.error(
+                f"outputs.node_times_s[{i}]", time_s, f"in [0, {scene.duration_s:g}] s, the duration"
+            )
+        if i > 0 and time_s <= times_s[i - 1]:
+            raise reader.error(
+                f"outputs.node_times_s[{i}]",
+                time_s,
+                f"greater than the previous time {times_s[i - 1]:.12g} s",
+            )
+    most = max(1, MAX_EXPORTED_NODES // math.prod(scene.body.nodes))
+    if len(times_s) > most:
+        raise SceneError(
+            f"{reader.file}: outputs.node_times_s: {len(times_s):,} times: must be at most {most:,} for "
+            f"{math.prod(scene.body.nodes):,} nodes"
+        )

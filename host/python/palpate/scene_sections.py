@@ -1,0 +1,378 @@
+"""The sections of a scene and all their keys: names, units, defaults, ranges and meanings.
+
+Everything that holds for one key alone is declared here; what relates several keys stands in `scene_checks`.
+"""
+
+from dataclasses import dataclass
+
+from palpate.scene_schema import Choice, Flag, Integer, ListOf, Number, TablesOf, Text, Vector, key, section
+from palpate.tip_path import MAX_POSITION_M, MAX_TIME_S
+
+TICK_S = 1e-3
+MAX_NODES_PER_AXIS = 64
+
+_COORDINATE = Number(-MAX_POSITION_M, MAX_POSITION_M)
+_NODE = Vector((2, 3), Integer(0, MAX_NODES_PER_AXIS - 1))
+_STEP = Number(1e-6, TICK_S)
+_FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialDisplacement:
+    """One node that starts away from its place of rest, at rest in velocity."""
+
+    node: tuple[int, ...] = key(_NODE, "indices [i, j, k] of the node; [i, k] in two dimensions")
+    displacement_m: tuple[float, ...] = key(
+        Vector((2, 3), _COORDINATE), "displacement [x, y, z]; [x, z] in two dimensions", unit="m"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """The lattice of point masses and of springs with dampers between neighbours."""
+
+    dimension: int = key(
+        Integer(2, 3), "3: a block; 2: a sheet in the x-z plane, which cannot be touched", default=3
+    )
+    nodes: tuple[int, ...] = key(
+        Vector((2, 3), Integer(2, MAX_NODES_PER_AXIS)), "number of nodes [x, y, z]; [x, z] in two dimensions"
+    )
+    spacing_m: float = key(
+        Number(0.0, 1.0, open_low=True), "distance of neighbours along an axis", unit="m", default=0.01
+    )
+    origin_m: tuple[float, ...] = key(
+        Vector((3,), _COORDINATE),
+        "place of node [0, 0, 0] in the device frame",
+        unit="m",
+        default=(0.0, 0.0, 0.0),
+    )
+    mass_kg: float = key(Number(0.0, 10.0, open_low=True), "mass of each node", unit="kg", default=0.001)
+    stiffness_N_m: float = key(
+        Number(0.0, 1e6, open_low=True), "stiffness of each spring", unit="N/m", default=100.0
+    )
+    damping_ratio: float | None = key(
+        Number(0.0, 100.0),
+        "damping of each spring as b / sqrt(2 m k); not together with `damping_N_s_m`",
+        default=None,
+        default_text="1, unless `damping_N_s_m` is given",
+    )
+    damping_N_s_m: float | None = key(
+        Number(0.0, 1e5),
+        "damping b of each spring, along its axis; not together with `damping_ratio`",
+        unit="N s/m",
+        default=None,
+        default_text="from `damping_ratio`",
+    )
+    neighbours: str = key(
+        Choice(("axis", "edge", "full")),
+        "springs from a node to its neighbours: along the axes (6 in three dimensions, 4 in two), with the diagonals "
+        "of the cells' faces (18, 8), or with those of the cells too (26, 8)",
+        default="full",
+    )
+    fixed_faces: tuple[str, ...] = key(
+        ListOf(Choice(_FACES), 6), "faces of the lattice whose nodes are fixed", default=()
+    )
+    fixed_nodes: tuple[tuple[int, ...], ...] = key(
+        ListOf(_NODE, MAX_NODES_PER_AXIS**3), "further fixed nodes, each [i, j, k] ([i, k])", default=()
+    )
+    gravity_m_s2: tuple[float, ...] = key(
+        Vector((3,), Number(-100.0, 100.0)), "acceleration of free fall", unit="m/s²", default=(0.0, 0.0, 0.0)
+    )
+    initial_displacements: tuple[InitialDisplacement, ...] = key(
+        TablesOf(InitialDisplacement, 100_000), "nodes that start displaced; see below", default=()
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integrator:
+    """How the full body is stepped."""
+
+    method: str = key(
+        Choice(("semi_implicit", "implicit")),
+        "`semi_implicit`: symplectic Euler, stable below a step that depends on the body; `implicit`: backward Euler, "
+        "for bodies without [path]",
+        default="semi_implicit",
+    )
+    step_s: float = key(
+        _STEP, "time step; the servo tick of 0.001 s divided by a whole number", unit="s", default=0.0001
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """Coulomb friction between tip and body."""
+
+    friction: float | None = key(
+        Number(0.0, 10.0),
+        "coefficient of both static and kinetic friction; not together with the other two",
+        default=None,
+        default_text="0, unless `static_friction` is given",
+    )
+    static_friction: float | None = key(
+        Number(0.0, 10.0),
+        "coefficient above which the tip begins to slip",
+        default=None,
+        default_text="`friction`",
+    )
+    kinetic_friction: float | None = key(
+        Number(0.0, 10.0),
+        "coefficient while it slips; at most `static_friction`",
+        default=None,
+        default_text="`static_friction`",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tool:
+    """What touches the body."""
+
+    radius_m: float = key(
+        Number(0.0, 0.05), "radius of the sphere at the tip; 0: a point", unit="m", default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waypoint:
+    """One point of a path."""
+
+    time_s: float = key(Number(0.0, MAX_TIME_S), "time; greater than that of the point before", unit="s")
+    position_m: tuple[float, ...] = key(Vector((3,), _COORDINATE), "position in the device frame", unit="m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Path:
+    """For `palpate run`, where the hand means to go; for `palpate simulate`, where the tip is."""
+
+    waypoints: tuple[Waypoint, ...] | None = key(
+        TablesOf(Waypoint, 100_000),
+        "points in time and space; see below",
+        default=None,
+        default_text="or `csv`",
+    )
+    csv: str | None = key(
+        Text(),
+        "file with the columns time_s, x_m, y_m and z_m, beside the scene unless the path is absolute",
+        default=None,
+        default_text="or `waypoints`",
+    )
+    interpolation: str | None = key(
+        Choice(("linear", "minimum_jerk")),
+        "between the points: at constant speed, or resting at each point with least jerk",
+        default=None,
+        default_text="`minimum_jerk` for `waypoints`, `linear` for `csv`",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GripChange:
+    """A grip that holds from a time on."""
+
+    time_s: float = key(Number(0.0, MAX_TIME_S), "time; greater than that of the change before", unit="s")
+    grip: float = key(Number(0.0, 1.0), "the new grip")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """The hand: a mass that a spring and a damper pull along the path, and a grip between it and the tip."""
+
+    grip: float = key(
+        Number(0.0, 1.0), "how tight: 1 as the grip's stiffness and damping say, 0 let go", default=1.0
+    )
+    grip_changes: tuple[GripChange, ...] = key(
+        TablesOf(GripChange, 10_000), "later changes of the grip; see below", default=()
+    )
+    mass_kg: float = key(Number(0.01, 10.0), "mass of the hand", unit="kg", default=0.2)
+    stiffness_N_m: float = key(Number(0.0, 2e4), "from the path to the hand", unit="N/m", default=3000.0)
+    damping_N_s_m: float = key(Number(0.0, 100.0), "from the path to the hand", unit="N s/m", default=35.0)
+    grip_stiffness_N_m: float = key(Number(0.0, 2e4), "from the hand to the tip", unit="N/m", default=5000.0)
+    grip_damping_N_s_m: float = key(Number(0.0, 60.0), "from the hand to the tip", unit="N s/m", default=15.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device:
+    """The simulated arm behind encoders and amplifiers; it starts where the path does."""
+
+    encoder_reference: tuple[int, ...] = key(
+        Vector((3,), Integer(-1_000_000_000, 1_000_000_000)),
+        "what the encoders read in the reference pose",
+        unit="counts",
+        default=(0, 0, 0),
+    )
+    amplifier_bandwidth_Hz: float = key(
+        Number(1.0, 1e6), "corner frequency of the motor currents", unit="Hz", default=1000.0
+    )
+    amplifier_peak_A: float = key(Number(0.1, 100.0), "the currents saturate at this", unit="A", default=7.0)
+    amplifier_offset_A: tuple[float, ...] = key(
+        Vector((3,), Number(-1.0, 1.0)), "error added to each set-point", unit="A", default=(0.0, 0.0, 0.0)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """How often, and how late, the host works. The servo ticks at 1000 Hz."""
+
+    model_update_Hz: float = key(
+        Number(1.0, 250.0), "local models sent per second of virtual time", unit="Hz", default=30.0
+    )
+    host_delay_ticks: int = key(
+        Integer(0, 200), "virtual time that the host takes to compute a model", unit="ticks", default=5
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """The local model that the board renders."""
+
+    builder: str = key(
+        Choice(("patch",)),
+        "how it is built; `patch`: the nodes around the tip, those beyond held",
+        default="patch",
+    )
+    patch_nodes: tuple[int, ...] = key(
+        Vector((3,), Integer(2, 8)),
+        "nodes of the patch [x, y, z] or fewer at a border; 64 at most",
+        default=(4, 4, 2),
+    )
+    valid_ticks: int = key(
+        Integer(1, 5000),
+        "ticks after the model's own tick for which it may be rendered",
+        unit="ticks",
+        default=200,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardFaults:
+    """What goes wrong on the board."""
+
+    overlong_ticks: tuple[int, ...] = key(
+        ListOf(Integer(0, 600_000), 100_000),
+        "servo ticks that compute for 2.5 ticks more (not on `native`)",
+        unit="ticks",
+        default=(),
+    )
+    emergency_stop_ticks: tuple[int, ...] = key(
+        ListOf(Integer(0, 600_000), 100_000),
+        "servo ticks with the emergency-stop chain open",
+        unit="ticks",
+        default=(),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """Where the firmware runs."""
+
+    name: str = key(
+        Choice(("mps2_an386", "native")),
+        "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `native`: the same firmware as a Linux process",
+        default="mps2_an386",
+    )
+    faults: BoardFaults = section(BoardFaults, "What goes wrong on the board, for tests.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkFault:
+    """What happens to one frame on the link."""
+
+    frame: int = key(Integer(0, 10_000_000), "number of the frame in its direction, from 0")
+    kind: str = key(
+        Choice(("drop", "flip_bit", "truncate", "duplicate")),
+        "the frame vanishes; one bit of it is inverted; only its first bytes come; or it comes twice",
+    )
+    argument: int = key(
+        Integer(0, 1_000_000),
+        "`flip_bit`: number of the bit, modulo the frame's length; `truncate`: number of the bytes that come",
+        default=0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkFaults:
+    """Faults on the link, for tests: at most one a frame."""
+
+    down: tuple[LinkFault, ...] = key(
+        TablesOf(LinkFault, 100_000), "of frames from host to board", default=()
+    )
+    up: tuple[LinkFault, ...] = key(TablesOf(LinkFault, 100_000), "of frames from board to host", default=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """The medium between board and host, metered in virtual time."""
+
+    medium: str = key(Choice(("uart",)), "what carries the frames; `uart`: 10 bits a byte", default="uart")
+    baud: int = key(
+        Integer(1200, 20_000_000), "bits per second in each direction", unit="bit/s", default=12_000_000
+    )
+    queue_bytes: int = key(
+        Integer(1024, 16_777_216),
+        "what each direction may hold back before frames are lost",
+        unit="bytes",
+        default=1_048_576,
+    )
+    faults: LinkFaults = section(LinkFaults, "Faults on the link, for tests: at most one a frame.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """The full non-linear body with contact, stepped finely along the same tip path, to compare with."""
+
+    enabled: bool = key(Flag(), "compute it (`palpate run` only)", default=True)
+    step_s: float = key(
+        _STEP, "its time step; the servo tick of 0.001 s divided by a whole number", unit="s", default=0.0001
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """What is written, beside `summary.json` and `record.h5`."""
+
+    node_times_s: tuple[float, ...] = key(
+        ListOf(Number(0.0, MAX_TIME_S), 100_000),
+        "times, increasing, at which `palpate simulate` exports all nodes (at the nearest servo tick)",
+        unit="s",
+        default=(),
+    )
+    csv: bool = key(Flag(), "also write tip.csv, and nodes.csv where nodes are exported", default=True)
+    pictures: bool = key(Flag(), "draw forces.png and body.png", default=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFile:
+    """The whole scene as it stands in the file. The servo tick is 0.001 s throughout."""
+
+    title: str = key(Text(), "shown in the output", default="")
+    duration_s: float = key(Number(TICK_S, MAX_TIME_S), "length of the experiment in virtual time", unit="s")
+    body: Body = section(
+        Body, "The lattice: point masses, and springs with dampers between neighbours.", required=True
+    )
+    integrator: Integrator = section(Integrator, "How the full body is stepped on the host.")
+    contact: Contact = section(Contact, "Coulomb friction between tip and body.")
+    tool: Tool = section(Tool, "What touches the body.")
+    path: Path | None = section(
+        Path,
+        "Where the tip goes. For `palpate run` this is where the *hand* means to go: its stiffness lets the tip lag "
+        "behind; for `palpate simulate` the tip itself is there. Before its first point and after its last the path "
+        "rests. A scene without [path] is a body that moves on its own (`palpate simulate` only).",
+        optional=True,
+    )
+    hand: Hand = section(
+        Hand,
+        "The hand that holds the tool (`palpate run` only). The tip gives way by force / `stiffness_N_m` + force / "
+        "`grip_stiffness_N_m`.",
+    )
+    device: Device = section(
+        Device,
+        "The simulated arm behind encoders and amplifiers (`palpate run` only); it starts where the path does.",
+    )
+    rates: Rates = section(Rates, "How often, and how late, the host works; all in virtual time.")
+    model: Model = section(Model, "The local model that the board renders (`palpate run` only).")
+    board: Board = section(Board, "Where the firmware runs (`palpate run` only); `--board` overrides it.")
+    link: Link = section(
+        Link, "The medium between board and host (`palpate run` only), metered in virtual time."
+    )
+    reference: Reference = section(
+        Reference, "The full body with contact, stepped finely along the tip path that the run took."
+    )
+    outputs: Outputs = section(Outputs, "What is written beside `summary.json` and `record.h5`.")

@@ -1,0 +1,247 @@
+"""The numbers of an experiment, computed from its record. Every key is declared here; docs/records.md is generated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+TICKS_PER_SECOND = 1000
+_FREE, _STICK, _SLIP = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class SummaryKey:
+    """One key of summary.json."""
+
+    name: str
+    unit: str
+    definition: str
+
+
+RUN_KEYS = (
+    SummaryKey("command", "", "`run` or `demo`"),
+    SummaryKey("title", "", "the scene's title"),
+    SummaryKey("board", "", "where the firmware ran"),
+    SummaryKey("ticks", "ticks", "servo ticks of 1 ms of virtual time"),
+    SummaryKey("missed_deadlines", "", "servo ticks that took longer than 1 ms of the board's time"),
+    SummaryKey("background_overruns", "", "ticks whose background work was not done when the next began"),
+    SummaryKey(
+        "worst_tick_instructions",
+        "instructions",
+        "longest servo tick, from interrupt entry to exit: its clock counts times the instructions per count "
+        "(5 on mps2_an386: 125 million instructions per second against a clock of 25 MHz; they are not the cycles of "
+        "a real part); null on native",
+    ),
+    SummaryKey(
+        "worst_busy_instructions",
+        "instructions",
+        "the same for servo and background work of one tick together",
+    ),
+    SummaryKey("model_updates", "", "local models that the board took over"),
+    SummaryKey("models_sent", "", "local models that the host sent"),
+    SummaryKey("models_refused", "", "local models that the board refused or dropped"),
+    SummaryKey(
+        "model_age_ticks",
+        "ticks",
+        "{median, worst}: age of the rendered model's own state, over ticks with one",
+    ),
+    SummaryKey(
+        "link_bytes_per_s", "bytes/s", "{up, down}: bytes that crossed the link, per second of virtual time"
+    ),
+    SummaryKey("frames_lost", "", "frames lost or refused on the link, both directions"),
+    SummaryKey("interpolated_ticks", "ticks", "ticks whose tip position the host had to interpolate"),
+    SummaryKey("contact_ticks", "ticks", "ticks with contact"),
+    SummaryKey("stick_to_slip", "", "ticks with slip right after one with stick"),
+    SummaryKey("slip_to_stick", "", "ticks with stick right after one with slip"),
+    SummaryKey("peak_force_N", "N", "largest magnitude of the rendered force"),
+    SummaryKey(
+        "rms_force_N", "N", "root mean square of that magnitude over the ticks with contact; null without any"
+    ),
+    SummaryKey(
+        "rms_force_error_percent",
+        "%",
+        "root mean square of |force - reference force| divided by that of |reference force|, both over all ticks; the "
+        "reference is the full non-linear body with contact, stepped at `reference.step_s` along the same tip path; "
+        "null without a reference or where that never feels a force",
+    ),
+    SummaryKey(
+        "contact_mode_divergence_ticks",
+        "ticks",
+        "ticks whose contact mode differs from the reference's; null without one",
+    ),
+    SummaryKey(
+        "largest_force_jump_N",
+        "N",
+        "over the ticks k that render another model than tick k - 1: largest magnitude of (force[k] - force[k-1]) - "
+        "(reference[k] - reference[k-1]), the jump beyond the reference's own change; null without a reference",
+    ),
+    SummaryKey("faults", "", "bits of all faults that the board latched; 0: none"),
+    SummaryKey("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
+    SummaryKey("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
+    SummaryKey(
+        "wall_clock", "s", "{run_s, reference_s}: seconds on this machine; all other figures are virtual time"
+    ),
+)
+
+SIMULATE_KEYS = (
+    SummaryKey("command", "", "`simulate`"),
+    SummaryKey("title", "", "the scene's title"),
+    SummaryKey("ticks", "ticks", "servo ticks of 1 ms of virtual time"),
+    SummaryKey("nodes", "", "nodes of the body"),
+    SummaryKey("exported_times", "", "times at which node positions and velocities were exported"),
+    SummaryKey("contact_ticks", "ticks", "ticks with contact; null without a path"),
+    SummaryKey("stick_to_slip", "", "ticks with slip right after one with stick; null without a path"),
+    SummaryKey("slip_to_stick", "", "ticks with stick right after one with slip; null without a path"),
+    SummaryKey("peak_force_N", "N", "largest magnitude of the tip force; null without a path"),
+    SummaryKey(
+        "rms_force_N", "N", "root mean square of that magnitude over the ticks with contact; null without any"
+    ),
+    SummaryKey("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
+    SummaryKey("wall_clock", "s", "{simulate_s}: seconds on this machine"),
+)
+
+
+def transitions(mode: NDArray[Any], before: int, after: int) -> int:
+    """How often `after` follows right upon `before`. mode: (n,)."""
+    return int(np.count_nonzero((mode[:-1] == before) & (mode[1:] == after)))
+
+
+def magnitude(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    """Lengths (n,) of vectors (n, 3)."""
+    lengths: NDArray[np.float64] = np.linalg.norm(vectors.astype(np.float64), axis=1)
+    return lengths
+
+
+def root_mean_square(values: NDArray[np.float64]) -> float:
+    """Of a non-empty array."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def largest_jump_N(force_N: NDArray[Any], reference_N: NDArray[Any], model_sequence: NDArray[Any]) -> float:
+    """Largest change of force at a change of model beyond the reference's own change; 0 without a change of model.
+
+    force_N, reference_N: (n, 3); model_sequence: (n,).
+    """
+    swaps = np.flatnonzero(np.diff(model_sequence.astype(np.int64)) != 0) + 1
+    if len(swaps) == 0:
+        return 0.0
+    error_N = force_N.astype(np.float64) - reference_N
+    return float(np.max(magnitude(error_N[swaps] - error_N[swaps - 1])))
+
+
+def _force_summary(mode: NDArray[Any], force_N: NDArray[Any]) -> dict[str, Any]:
+    force = magnitude(force_N)
+    touching = mode != _FREE
+    return {
+        "contact_ticks": int(np.count_nonzero(touching)),
+        "stick_to_slip": transitions(mode, _STICK, _SLIP),
+        "slip_to_stick": transitions(mode, _SLIP, _STICK),
+        "peak_force_N": float(np.max(force, initial=0.0)),
+        "rms_force_N": root_mean_square(force[touching]) if np.any(touching) else None,
+    }
+
+
+def summarize_run(
+    values: Mapping[str, NDArray[Any]],
+    counters: Mapping[str, int | float],
+    *,
+    command: str,
+    title: str,
+    board: str,
+    instructions_per_count: int | None,
+    record_hash: str,
+    wall_clock_s: Mapping[str, float],
+) -> dict[str, Any]:
+    """summary.json of a run: exactly the keys of RUN_KEYS. `values` are the datasets of a record, `counters` those of
+    RUN_COUNTERS."""
+    ticks = len(values["ticks/tick"])
+    duration_s = ticks / TICKS_PER_SECOND
+    mode, force_N = values["ticks/contact_mode"], values["ticks/force_N"]
+    age = values["ticks/model_age_ticks"][values["ticks/model_sequence"] != 0]
+
+    def worst_instructions(name: str) -> int | None:
+        return None if instructions_per_count is None else int(values[name].max()) * instructions_per_count
+
+    summary: dict[str, Any] = {
+        "command": command,
+        "title": title,
+        "board": board,
+        "ticks": ticks,
+        "missed_deadlines": int(values["ticks/missed_deadlines"][-1]),
+        "background_overruns": int(values["ticks/background_overruns"][-1]),
+        "worst_tick_instructions": worst_instructions("ticks/tick_count"),
+        "worst_busy_instructions": worst_instructions("ticks/busy_count"),
+        "model_updates": int(counters["models_taken"]),
+        "models_sent": int(counters["models_sent"]),
+        "models_refused": int(counters["models_refused"]),
+        "model_age_ticks": {"median": float(np.median(age)), "worst": int(age.max())} if len(age) else None,
+        "link_bytes_per_s": {
+            "up": float(values["ticks/link_up_bytes"].sum(dtype=np.int64)) / duration_s,
+            "down": float(values["ticks/link_down_bytes"].sum(dtype=np.int64)) / duration_s,
+        },
+        "frames_lost": int(counters["frames_lost_up"]) + int(counters["frames_lost_down"]),
+        "interpolated_ticks": int(values["updates/interpolated_ticks"].sum(dtype=np.int64)),
+        **_force_summary(mode, force_N),
+        "rms_force_error_percent": None,
+        "contact_mode_divergence_ticks": None,
+        "largest_force_jump_N": None,
+        "faults": int(np.bitwise_or.reduce(values["ticks/faults"])),
+        "rendering_ticks": int(np.count_nonzero(values["ticks/enabled"])),
+        "record_hash": record_hash,
+        "wall_clock": dict(wall_clock_s),
+    }
+    if "reference/force_N" in values:
+        reference_N = values["reference/force_N"]
+        reference_rms = root_mean_square(magnitude(reference_N))
+        if reference_rms > 0.0:
+            error = root_mean_square(magnitude(force_N.astype(np.float64) - reference_N))
+            summary["rms_force_error_percent"] = 100.0 * error / reference_rms
+        summary["contact_mode_divergence_ticks"] = int(
+            np.count_nonzero(mode != values["reference/contact_mode"])
+        )
+        summary["largest_force_jump_N"] = largest_jump_N(force_N, reference_N, values["ticks/model_sequence"])
+    return summary
+
+
+def summarize_simulation(
+    values: Mapping[str, NDArray[Any]],
+    *,
+    title: str,
+    ticks: int,
+    record_hash: str,
+    wall_clock_s: Mapping[str, float],
+) -> dict[str, Any]:
+    """summary.json of a simulation: exactly the keys of SIMULATE_KEYS."""
+    forces: dict[str, Any] = dict.fromkeys(
+        ("contact_ticks", "stick_to_slip", "slip_to_stick", "peak_force_N", "rms_force_N")
+    )
+    if "tip/force_N" in values:
+        forces = _force_summary(values["tip/contact_mode"], values["tip/force_N"])
+    return {
+        "command": "simulate",
+        "title": title,
+        "ticks": ticks,
+        "nodes": len(values["body/rest_m"]),
+        "exported_times": len(values["nodes/time_s"]),
+        **forces,
+        "record_hash": record_hash,
+        "wall_clock": dict(wall_clock_s),
+    }
+
+
+def failed_checks(summary: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a run that was meant to touch a body without a fault; empty when nothing is."""
+    failures = []
+    if summary["missed_deadlines"] > 0:
+        failures.append(f"missed_deadlines = {summary['missed_deadlines']}: must be 0")
+    if summary["model_updates"] == 0:
+        failures.append("model_updates = 0: must be at least 1")
+    if summary["contact_ticks"] == 0:
+        failures.append("contact_ticks = 0: must be at least 1")
+    if summary["faults"] != 0:
+        failures.append(f"faults = {summary['faults']:#x}: must be 0")
+    if summary["rendering_ticks"] == 0:
+        failures.append("rendering_ticks = 0: must be at least 1")
+    return failures

@@ -1,0 +1,317 @@
+"""`palpate test`: runs every kind of test in stages, fast ones first, and counts the outcomes."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from xml.etree import ElementTree
+
+from palpate.paths import BUILD, ROOT
+
+LOGS = ROOT / "out/test"
+_SOURCE_FOLDERS = ("shared", "firmware", "boards", "host", "hil_tests")
+_FAILURE_LINES = 60
+_SANITIZERS = {
+    "ASAN_OPTIONS": "detect_leaks=1:strict_string_checks=1",
+    "UBSAN_OPTIONS": "print_stacktrace=1",
+    "TSAN_OPTIONS": "halt_on_error=1",
+}
+
+
+@dataclass
+class Count:
+    """What became of some tests; skips and failures with their names."""
+
+    passed: int = 0
+    failures: list[str] = field(default_factory=list)
+    skips: list[str] = field(default_factory=list)
+
+    def __iadd__(self, other: "Count") -> "Count":
+        self.passed += other.passed
+        self.failures += other.failures
+        self.skips += other.skips
+        return self
+
+    def text(self) -> str:
+        """As in the last line of `palpate test`."""
+        return f"{self.passed} passed, {len(self.failures)} failed, {len(self.skips)} skipped"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A name and what to do; `work` writes its output to the log and returns the count."""
+
+    name: str
+    work: Callable[[IO[str]], Count]
+
+
+@dataclass(frozen=True)
+class Result:
+    """A stage that has run."""
+
+    name: str
+    count: Count
+    duration_s: float
+
+
+def count_junit(file: Path) -> Count:
+    """Counts the test cases of a JUnit XML file as pytest and GoogleTest write it."""
+    count = Count()
+    for case in ElementTree.parse(file).iter("testcase"):
+        name = ".".join(filter(None, (case.get("classname"), case.get("name"))))
+        skipped = case.find("skipped")
+        if case.find("failure") is not None or case.find("error") is not None:
+            count.failures.append(name)
+        elif skipped is not None or case.get("status") == "notrun":
+            reason = (
+                "" if skipped is None else " ".join((skipped.get("message") or skipped.text or "").split())
+            )
+            count.skips.append(f"{name}: {reason or 'no reason given'}")
+        else:
+            count.passed += 1
+    return count
+
+
+def count_ctest(file: Path, cases: Path) -> Count:
+    """Counts the tests of a ctest run from its JUnit file and from the XML files that GoogleTest programs wrote to
+    `cases`: a program that wrote one counts by its cases, any other test as one. A program that fails although all of
+    its cases passed (a leak found at its end, say) is a failure of its own."""
+    count = Count()
+    for test in ElementTree.parse(file).iter("testcase"):
+        name, status = test.get("name", ""), test.get("status")
+        own = cases / f"{name}.xml"
+        inner = Count()
+        if own.exists():
+            try:
+                inner = count_junit(own)
+            except ElementTree.ParseError:
+                inner = Count()
+        count += inner
+        if status == "fail" and not inner.failures:
+            count.failures.append(name)
+        elif status in ("notrun", "disabled"):
+            count.skips.append(f"{name}: {status} by ctest")
+        elif status == "run" and not own.exists():
+            count.passed += 1
+    return count
+
+
+def _run(command: Sequence[str], log: IO[str], environment: Mapping[str, str] | None = None) -> bool:
+    """Runs a command in the repository; its output goes to the log, and its newest line to a terminal."""
+    log.write(f"$ {' '.join(command)}\n")
+    live = sys.stderr.isatty()
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env={**os.environ, **(environment or {})},
+        )
+    except OSError as error:
+        log.write(f"cannot start {command[0]}: {error.strerror}\n")
+        return False
+    with process:
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                log.write(line)
+                if live:
+                    width = shutil.get_terminal_size().columns - 1
+                    print(f"\r\033[K  {line.strip()}"[: width + 5], end="", file=sys.stderr, flush=True)
+        except BaseException:
+            process.kill()
+            raise
+    if live:
+        print("\r\033[K", end="", file=sys.stderr, flush=True)
+    return process.returncode == 0
+
+
+def _one(name: str, passed: bool) -> Count:
+    return Count(passed=1) if passed else Count(failures=[name])
+
+
+def _sources(suffixes: Sequence[str]) -> list[str]:
+    files = [
+        file for folder in _SOURCE_FOLDERS for file in (ROOT / folder).rglob("*") if file.suffix in suffixes
+    ]
+    return sorted(str(file.relative_to(ROOT)) for file in files)
+
+
+def check_format(log: IO[str]) -> Count:
+    """clang-format changes nothing; one test."""
+    sources = _sources((".hpp", ".cpp", ".h", ".c"))
+    return _one("clang-format", _run(["clang-format", "--dry-run", "-Werror", *sources], log))
+
+
+def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
+    """Configures, builds and runs the C++ tests of a preset."""
+    folder = BUILD / preset
+    jobs = str(os.cpu_count() or 1)
+    if not (folder / "build.ninja").exists() and not _run(["cmake", "--preset", preset], log):
+        return Count(failures=[f"{preset}: configure"])
+    if not _run(["cmake", "--build", "--preset", preset, "-j", jobs], log):
+        return Count(failures=[f"{preset}: build"])
+    cases, summary = LOGS / f"{preset}-cases", LOGS / f"{preset}-ctest.xml"
+    shutil.rmtree(cases, ignore_errors=True)
+    summary.unlink(missing_ok=True)
+    cases.mkdir(parents=True)
+    _run(
+        [
+            *launcher,
+            "ctest",
+            "--test-dir",
+            str(folder),
+            "-j",
+            jobs,
+            "--output-on-failure",
+            "--timeout",
+            "300",
+            "--output-junit",
+            str(summary),
+        ],
+        log,
+        {**_SANITIZERS, "GTEST_OUTPUT": f"xml:{cases}/"},
+    )
+    if not summary.exists():
+        return Count(failures=[f"{preset}: ctest"])
+    return count_ctest(summary, cases)
+
+
+def run_pytest(quick: bool, log: IO[str]) -> Count:
+    """The Python tests: command line, scenes, records, and the firmware in the loop."""
+    report = LOGS / "pytest.xml"
+    report.unlink(missing_ok=True)
+    folders = [folder for folder in ("host/python/tests", "hil_tests") if (ROOT / folder).is_dir()]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "--durations=10",
+        "--timeout=600",
+        f"--junit-xml={report}",
+        *folders,
+    ]
+    succeeded = _run(
+        [*command, "-m", "not slow"] if quick else command,
+        log,
+        {"PYTHONPATH": str(ROOT / "host/python"), "MPLBACKEND": "Agg"},
+    )
+    if not report.exists():
+        return Count(failures=["pytest"])
+    count = count_junit(report)
+    if not succeeded and not count.failures:
+        count.failures.append("pytest")
+    return count
+
+
+def run_clang_tidy(log: IO[str]) -> Count:
+    """clang-tidy finds nothing in the sources of the host preset; one test."""
+    sources = {str(ROOT / source) for source in _sources((".cpp",))}
+    database = BUILD / "host/compile_commands.json"
+    compiled = {entry["file"] for entry in json.loads(database.read_text())} if database.exists() else set()
+    files = sorted(sources & compiled)
+    if not files:
+        return Count(failures=["clang-tidy: build/host/compile_commands.json has no source of the project"])
+    # run-clang-tidy takes regular expressions: its list is the database's, narrowed to ours.
+    narrowed = LOGS / "clang-tidy"
+    narrowed.mkdir(parents=True, exist_ok=True)
+    entries = [entry for entry in json.loads(database.read_text()) if entry["file"] in sources]
+    (narrowed / "compile_commands.json").write_text(json.dumps(entries))
+    return _one(
+        "clang-tidy",
+        _run(["run-clang-tidy", "-quiet", "-p", str(narrowed), "-j", str(os.cpu_count() or 1)], log),
+    )
+
+
+def _without_address_randomization() -> list[str]:
+    """GCC's ThreadSanitizer does not start where the kernel spreads addresses over more than 28 bits."""
+    command = ["setarch", os.uname().machine, "--addr-no-randomize"]
+    if shutil.which("setarch") and subprocess.run([*command, "true"], capture_output=True).returncode == 0:
+        return command
+    return []
+
+
+def stages(quick: bool) -> list[Stage]:
+    """All stages, fast ones first."""
+    result = [
+        Stage("format", check_format),
+        Stage("ctest host", lambda log: run_ctest("host", log)),
+        Stage("pytest", lambda log: run_pytest(quick, log)),
+    ]
+    if not quick:
+        result += [
+            Stage("ctest host-asan", lambda log: run_ctest("host-asan", log)),
+            Stage(
+                "ctest host-tsan", lambda log: run_ctest("host-tsan", log, _without_address_randomization())
+            ),
+            Stage("clang-tidy", run_clang_tidy),
+        ]
+    return result
+
+
+def run_stage(stage: Stage) -> Result:
+    """Runs one stage; an error inside counts as a failure."""
+    file = LOGS / f"{stage.name.replace(' ', '-')}.log"
+    started_s = time.monotonic()
+    with file.open("w", encoding="utf-8") as log:
+        try:
+            count = stage.work(log)
+        except (OSError, ValueError, ElementTree.ParseError) as error:
+            log.write(f"{error}\n")
+            count = Count(failures=[f"{stage.name}: {error}"])
+    if count.passed + len(count.failures) + len(count.skips) == 0:
+        count.failures.append(f"{stage.name}: ran no test")
+    if count.failures:
+        lines = file.read_text("utf-8", errors="replace").splitlines()[-_FAILURE_LINES:]
+        print("\n".join(f"  | {line}" for line in lines), file=sys.stderr)
+    return Result(stage.name, count, time.monotonic() - started_s)
+
+
+def run_tests(quick: bool, as_json: bool) -> bool:
+    """Runs all stages, goes on after a failure, and reports. The last line counts all tests. True: none failed."""
+    report = sys.stderr if as_json else sys.stdout
+    LOGS.mkdir(parents=True, exist_ok=True)
+    results: list[Result] = []
+    todo = stages(quick)
+    for i, stage in enumerate(todo, start=1):
+        print(f"[{i}/{len(todo)}] {stage.name} ...", file=report, flush=True)
+        results.append(run_stage(stage))
+        print(
+            f"[{i}/{len(todo)}] {stage.name}: {results[-1].count.text()} in {results[-1].duration_s:.1f} s",
+            file=report,
+            flush=True,
+        )
+    total = Count()
+    for result in results:
+        total += result.count
+    for name in total.skips:
+        print(f"skipped: {name}", file=report)
+    for name in total.failures:
+        print(f"FAILED: {name}", file=report)
+    if total.failures:
+        print(f"logs: {LOGS.relative_to(ROOT)}/", file=report)
+    print(total.text(), file=report, flush=True)
+    if as_json:
+        print(json.dumps(_as_json(total, results)))
+    return not total.failures
+
+
+def _as_json(total: Count, results: Sequence[Result]) -> dict[str, object]:
+    def numbers(count: Count) -> dict[str, int]:
+        return {"passed": count.passed, "failed": len(count.failures), "skipped": len(count.skips)}
+
+    stages_json = [
+        {"name": r.name, **numbers(r.count), "duration_s": round(r.duration_s, 3)} for r in results
+    ]
+    return {**numbers(total), "stages": stages_json}

@@ -1,0 +1,107 @@
+"""Pictures: drawn for every kind of result, and not empty."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+from synthetic import NODES, run_values, sheet_values, simulate_values
+
+from palpate import figures
+from palpate.figures import BodyShape, ForceTrace
+
+# A white page with axes and labels alone has fewer pixels that are not white.
+INK_FRACTION = 0.02
+
+
+def ink(file: Path) -> float:
+    """Fraction of pixels that are not white; also checks that there are many colours."""
+    pixels = matplotlib.image.imread(file)[..., :3]
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
+    return float(np.mean(np.any(pixels < 0.99, axis=-1)))
+
+
+def shape(values: dict[str, Any], lattice: tuple[int, int, int]) -> BodyShape:
+    return BodyShape(
+        values["body/rest_m"],
+        values["body/position_m"],
+        values["body/triangles"].astype(int),
+        lattice,
+        values["body/patch_nodes"].astype(int),
+    )
+
+
+@pytest.mark.parametrize("friction", [(1.0, 1.0), (0.8, 0.5), (0.0, 0.0)])
+def test_forces_of_a_run(tmp_path: Path, friction: tuple[float, float]) -> None:
+    values, _ = run_values(ticks=1000)
+    figures.save_forces(
+        tmp_path / "forces.png",
+        title="run",
+        time_s=1e-3 * values["ticks/tick"],
+        rendered=ForceTrace(values["ticks/force_N"], values["ticks/contact_mode"]),
+        normal=values["reference/normal"],
+        friction=friction,
+        reference=ForceTrace(values["reference/force_N"], values["reference/contact_mode"]),
+        model_age_ticks=values["ticks/model_age_ticks"],
+    )
+    assert ink(tmp_path / "forces.png") > INK_FRACTION
+
+
+def test_forces_of_a_simulation(tmp_path: Path) -> None:
+    values = simulate_values()
+    figures.save_forces(
+        tmp_path / "forces.png",
+        title="simulation",
+        time_s=values["tip/time_s"],
+        rendered=ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
+        normal=values["tip/normal"],
+        friction=(0.5, 0.5),
+    )
+    assert ink(tmp_path / "forces.png") > INK_FRACTION
+
+
+def test_forces_of_a_single_tick(tmp_path: Path) -> None:
+    figures.save_forces(
+        tmp_path / "forces.png",
+        title="one tick",
+        time_s=np.array([0.001]),
+        rendered=ForceTrace(np.zeros((1, 3)), np.zeros(1)),
+        normal=np.zeros((1, 3)),
+        friction=(0.5, 0.5),
+    )
+    assert (tmp_path / "forces.png").exists()
+
+
+@pytest.mark.parametrize("tip_radius_m", [0.0, 0.004])
+def test_block(tmp_path: Path, tip_radius_m: float) -> None:
+    values, _ = run_values(ticks=100)
+    figures.save_body(
+        tmp_path / "body.png",
+        title="block",
+        body=shape(values, (NODES, NODES, NODES)),
+        tip_m=values["body/tip_m"],
+        tip_radius_m=tip_radius_m,
+        path_m=values["ticks/tip_m"],
+    )
+    assert ink(tmp_path / "body.png") > INK_FRACTION
+
+
+def test_block_at_rest_without_a_tip(tmp_path: Path) -> None:
+    values, _ = run_values(ticks=100)
+    values["body/position_m"] = values["body/rest_m"]
+    figures.save_body(tmp_path / "body.png", title="at rest", body=shape(values, (NODES, NODES, NODES)))
+    assert ink(tmp_path / "body.png") > INK_FRACTION
+
+
+def test_sheet(tmp_path: Path) -> None:
+    figures.save_body(tmp_path / "body.png", title="sheet", body=shape(sheet_values(), (12, 1, 12)))
+    assert ink(tmp_path / "body.png") > INK_FRACTION
+
+
+def test_split_of_a_force() -> None:
+    normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [0, 0, 0]])
+    force_N = np.array([[3.0, 4.0, -2.0], [0.0, -0.6, -0.8], [0.0, 3.0, 4.0]])
+    pressing_N, tangential_N = figures.split_force(force_N, normal)
+    np.testing.assert_allclose(pressing_N, [2.0, 1.0, 5.0], atol=1e-15)
+    np.testing.assert_allclose(tangential_N, [5.0, 0.0, 0.0], atol=1e-15)

@@ -1,0 +1,129 @@
+"""`palpate test`: nothing is lost when tests are counted."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from palpate import testing
+from palpate.testing import Count, Stage, count_ctest, count_junit
+
+PYTEST = """<testsuites><testsuite>
+<testcase classname="a" name="good"/>
+<testcase classname="a" name="bad"><failure message="no"/></testcase>
+<testcase classname="a" name="broken"><error message="no"/></testcase>
+<testcase classname="a" name="left_out"><skipped message="needs a
+ thing"/></testcase>
+</testsuite></testsuites>"""
+GOOGLETEST = """<testsuites><testsuite name="Body">
+<testcase name="Good" status="run" result="completed" classname="Body"/>
+<testcase name="Off" status="notrun" result="suppressed" classname="Body"/>
+<testcase name="Skips" status="run" result="skipped" classname="Body"><skipped message="later"/></testcase>
+{more}</testsuite></testsuites>"""
+FAILURE = '<testcase name="Bad" status="run" classname="Body"><failure message="x"/></testcase>'
+
+
+@pytest.fixture(autouse=True)
+def logs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    monkeypatch.setattr(testing, "LOGS", tmp_path)
+    monkeypatch.setattr(testing, "ROOT", tmp_path.parent)
+    return tmp_path
+
+
+def ctest(folder: Path, **status: str) -> Count:
+    cases = "".join(f'<testcase name="{name}" status="{value}"/>' for name, value in status.items())
+    (folder / "ctest.xml").write_text(f"<testsuite>{cases}</testsuite>")
+    return count_ctest(folder / "ctest.xml", folder)
+
+
+def test_pytest_and_googletest_files(tmp_path: Path) -> None:
+    (tmp_path / "pytest.xml").write_text(PYTEST)
+    count = count_junit(tmp_path / "pytest.xml")
+    assert count.text() == "1 passed, 2 failed, 1 skipped"
+    assert count.failures == ["a.bad", "a.broken"]
+    assert count.skips == ["a.left_out: needs a thing"]
+    (tmp_path / "body_test.xml").write_text(GOOGLETEST.format(more=FAILURE))
+    count = count_junit(tmp_path / "body_test.xml")
+    assert count.text() == "1 passed, 1 failed, 2 skipped"
+    assert count.skips == ["Body.Off: no reason given", "Body.Skips: later"]
+
+
+def test_ctest_counts_cases_where_it_can(tmp_path: Path) -> None:
+    (tmp_path / "body_test.xml").write_text(GOOGLETEST.format(more=""))
+    assert ctest(tmp_path, body_test="run", script="run").text() == "2 passed, 0 failed, 2 skipped"
+
+
+def test_a_program_that_crashes_or_leaks_is_a_failure(tmp_path: Path) -> None:
+    assert ctest(tmp_path, crash="fail").failures == ["crash"]
+    (tmp_path / "leak.xml").write_text(GOOGLETEST.format(more=""))
+    assert ctest(tmp_path, leak="fail").failures == ["leak"]
+    (tmp_path / "cut.xml").write_text("<testsuites><testsu")
+    assert ctest(tmp_path, cut="fail").failures == ["cut"]
+    (tmp_path / "body_test.xml").write_text(GOOGLETEST.format(more=FAILURE))
+    assert ctest(tmp_path, body_test="fail").failures == ["Body.Bad"]
+
+
+def test_what_ctest_does_not_run_is_told(tmp_path: Path) -> None:
+    assert ctest(tmp_path, off="disabled", gone="notrun").skips == [
+        "off: disabled by ctest",
+        "gone: notrun by ctest",
+    ]
+
+
+def passing(log: IO[str]) -> Count:
+    return Count(passed=3, skips=["a: because"])
+
+
+def failing(log: IO[str]) -> Count:
+    log.write("what went wrong\n")
+    return Count(passed=1, failures=["b"])
+
+
+def empty(log: IO[str]) -> Count:
+    return Count()
+
+
+def raising(log: IO[str]) -> Count:
+    raise OSError("disk full")
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *work: Callable[[IO[str]], Count]) -> bool:
+    listed = [Stage(function.__name__, function) for function in work]
+    monkeypatch.setattr(testing, "stages", lambda quick: listed)
+    return testing.run_tests(quick=False, as_json=False)
+
+
+def test_report(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, passing)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == "3 passed, 0 failed, 1 skipped"
+    assert "skipped: a: because" in lines
+
+
+def test_a_failure_does_not_stop_the_stages_after_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not run(monkeypatch, failing, raising, empty, passing)
+    printed = capsys.readouterr()
+    lines = printed.out.splitlines()
+    assert lines[-1] == "4 passed, 3 failed, 1 skipped"
+    assert {"FAILED: b", "FAILED: raising: disk full", "FAILED: empty: ran no test"} <= set(lines)
+    assert "  | what went wrong" in printed.err.splitlines()
+
+
+def test_quick_is_a_part_of_all() -> None:
+    quick = [stage.name for stage in testing.stages(quick=True)]
+    full = [stage.name for stage in testing.stages(quick=False)]
+    assert full[: len(quick)] == quick
+    assert {"ctest host-asan", "ctest host-tsan", "clang-tidy"} <= set(full)
+
+
+def test_commands_that_fail_or_do_not_exist(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("w") as log:
+        assert testing._run(["sh", "-c", "echo out; echo err >&2"], log)
+        assert not testing._run(["sh", "-c", "exit 3"], log)
+        assert not testing._run(["/nowhere/tool"], log)
+    text = (tmp_path / "log").read_text()
+    assert "out\n" in text and "err\n" in text
+    assert "cannot start /nowhere/tool: No such file or directory" in text
