@@ -1,0 +1,358 @@
+"""Our frames and messages against pycyphal, an independent implementation of Cyphal/serial and DSDL.
+
+The C++ side is `wire_sample` (host/link), which writes and parses frames with the code that firmware and host use.
+"""
+
+import asyncio
+import importlib
+import importlib.util
+import json
+import os
+import pathlib
+import pty
+import random
+import subprocess
+import sys
+import threading
+import tty
+import warnings
+
+import numpy as np
+import pycyphal
+import pycyphal.dsdl
+import pytest
+from pycyphal.presentation import Presentation
+from pycyphal.transport import MessageDataSpecifier, Priority, ServiceDataSpecifier, Timestamp
+from pycyphal.transport.commons.high_overhead_transport import TransferCRC, serialize_transfer
+from pycyphal.transport.serial import SerialFrame, SerialTransport
+from pycyphal.transport.serial._stream_parser import StreamParser
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+DSDL = ROOT / "shared" / "wire" / "dsdl" / "palpate"
+BUILD = ROOT / os.environ.get("PALPATE_BUILD_HOST", "build/host")
+BOARD, HOST = 42, 10
+REQUEST = ServiceDataSpecifier.Role.REQUEST
+RESPONSE = ServiceDataSpecifier.Role.RESPONSE
+RECEIVE_TIMEOUT_S = 20.0  # generous: only a failure waits for it
+
+
+def wire_sample(command: str, stdin: bytes = b"") -> bytes:
+    program = BUILD / "host" / "link" / "wire_sample"
+    if not program.exists():
+        pytest.fail(f"{program} is missing: build the host preset, or set PALPATE_BUILD_HOST")
+    return subprocess.run([program, command], input=stdin, stdout=subprocess.PIPE, check=True).stdout
+
+
+def parse(stream: bytes) -> tuple[list[dict], dict]:
+    """Returns the frames that our receiver finds in `stream`, and its counters."""
+    *frames, counters = [json.loads(line) for line in wire_sample("parse", stream).splitlines()]
+    return frames, counters
+
+
+@pytest.fixture(scope="module")
+def messages(tmp_path_factory):
+    """The message classes that pycyphal generates. Their package is also called palpate, so ours steps aside meanwhile."""
+    folder = tmp_path_factory.mktemp("dsdl")
+    pycyphal.dsdl.remove_import_hooks()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of pydsdl, caused by nunavut's templates
+        pycyphal.dsdl.compile_all([DSDL], output_directory=folder)
+    own = {name: sys.modules.pop(name) for name in list(sys.modules) if name.split(".")[0] == "palpate"}
+    sys.path.insert(0, str(folder))
+    try:
+        importlib.invalidate_caches()
+        generated = importlib.import_module("palpate")
+    finally:
+        sys.path.remove(str(folder))
+        for name in [name for name in sys.modules if name.split(".")[0] == "palpate"]:
+            del sys.modules[name]
+        sys.modules.update(own)
+    return generated
+
+
+def serialized(message) -> bytes:
+    return b"".join(pycyphal.dsdl.serialize(message))
+
+
+def pycyphal_frame(specifier, payload: bytes, source: int, destination, transfer_id: int, priority=Priority.NOMINAL) -> bytes:
+    """One transfer as pycyphal's serial transport puts it on the wire."""
+
+    def make(index, end_of_transfer, fragment):
+        return SerialFrame(
+            priority=priority,
+            transfer_id=transfer_id,
+            index=index,
+            end_of_transfer=end_of_transfer,
+            payload=fragment,
+            source_node_id=source,
+            destination_node_id=destination,
+            data_specifier=specifier,
+            user_data=0,
+        )
+
+    (frame,) = serialize_transfer([memoryview(payload)], 2**30, make)
+    return bytes(frame.compile_into(bytearray(2 * len(payload) + 100)))
+
+
+def pycyphal_parse(stream: bytes, run: int) -> list[SerialFrame]:
+    """The frames that pycyphal's stream parser finds, fed in runs of `run` bytes."""
+    frames = []
+
+    def take(_timestamp, raw, frame):
+        assert frame is not None, f"pycyphal refused {len(raw)} bytes"
+        frames.append(frame)
+
+    parser = StreamParser(take, 2**20)
+    for at in range(0, len(stream), run):
+        parser.process_next_chunk(stream[at : at + run], Timestamp.now())
+    return frames
+
+
+@pytest.fixture(scope="module")
+def schema_hash():
+    """The function that the build hashes the definitions with."""
+    spec = importlib.util.spec_from_file_location("schema_hash", DSDL.parent.parent / "schema_hash.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.schema_hash
+
+
+def test_schema_hash_is_the_same_in_python(schema_hash):
+    assert int(wire_sample("hash"), 16) == schema_hash(DSDL)
+
+
+def test_schema_hash_ignores_comments_and_white_space_only(schema_hash, tmp_path):
+    folder = tmp_path / "palpate"
+    folder.mkdir()
+
+    def value(text: str, name: str = "A.1.0.dsdl") -> int:
+        (folder / name).write_text(text)
+        try:
+            return schema_hash(folder)
+        finally:
+            (folder / name).unlink()
+
+    plain = value("uint8 X = 1\nuint8[<=4] y\n@sealed\n")
+    assert value("# comment\nuint8  X=1   # another's\n\n  uint8[ <=4 ] y\n@sealed") == plain
+    assert value("uint8 X = 2\nuint8[<=4] y\n@sealed\n") != plain
+    assert value("uint8 X = 1\nuint8[<=4] y\n@sealed\n", "A.1.1.dsdl") != plain
+    assert value("uint8 X = '#'\n@sealed\n") != value("uint8 X = '!'\n@sealed\n")
+
+
+@pytest.mark.parametrize("run", [1, 97, 1 << 20])
+def test_pycyphal_reads_our_frames(messages, run):
+    stream = wire_sample("write")
+    frames = pycyphal_parse(stream, run)
+    payloads = {}
+    for frame in frames:
+        assert frame.single_frame_transfer
+        assert TransferCRC.new(frame.payload).check_residue()
+        payloads[frame.data_specifier] = bytes(frame.payload[:-4])
+
+    def sent(specifier, kind):
+        message = pycyphal.dsdl.deserialize(kind, [memoryview(payloads.pop(specifier))])
+        assert message is not None
+        return message
+
+    # The values are those of wire_sample.cpp.
+    schema_hash = int(wire_sample("hash"), 16)
+    trace = sent(MessageDataSpecifier(1600), messages.ServoTrace_1_0)
+    assert (trace.sequence, trace.first_tick, len(trace.samples)) == (3, 1000, 10)
+    for i, sample in enumerate(trace.samples):
+        assert list(sample.tip_m) == [0.25 * i, -0.5, 0.0]
+        assert list(sample.force_N) == [0.0, 1.0, -0.125 * i]
+        assert (sample.mode, sample.flags, sample.triangle) == (messages.Contact_1_0.MODE_STICK, 1, 300 + i)
+    status = sent(MessageDataSpecifier(1601), messages.BoardStatus_1_0)
+    assert (status.schema_hash, status.tick, status.mode) == (schema_hash, 1100, status.MODE_RENDER)
+    assert (status.token, status.worst_tick_count, status.clock_Hz) == (0xDEADBEEF, 5000, 25_000_000)
+    report = sent(MessageDataSpecifier(1602), messages.ModelReport_1_0)
+    assert (report.sequence, report.status, report.model_tick, report.swap_tick) == (5, 34, 990, 0)
+    response = sent(ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response)
+    assert (response.status, response.mode, response.token) == (0, 1, 77)
+    info = sent(ServiceDataSpecifier(301, RESPONSE), messages.GetInfo_1_0.Response)
+    assert (info.schema_hash, bytes(info.board), info.max_modes) == (schema_hash, b"sample", 192)
+    model = sent(MessageDataSpecifier(1610), messages.LocalModel_1_0)
+    assert (model.sequence, model.schema_hash, model.tick, model.modes) == (5, schema_hash, 990, 192)
+    assert np.array_equal(model.coefficient, 0.5 * np.arange(1152, dtype=np.float32))
+    assert np.array_equal(model.basis, np.arange(9216) - 4608)
+    trace_request = sent(MessageDataSpecifier(1611), messages.TraceRequest_1_0)
+    assert (trace_request.first_tick, trace_request.count) == (950, 40)
+    command = sent(ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request)
+    assert (command.action, command.token) == (command.ARM_CONFIRM, 77)
+    sent(ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request)
+    assert not payloads
+
+    # pycyphal, given the same transfers, writes the same bytes.
+    again = b"".join(
+        pycyphal_frame(
+            frame.data_specifier,
+            bytes(frame.payload[:-4]),
+            frame.source_node_id,
+            frame.destination_node_id,
+            frame.transfer_id,
+            frame.priority,
+        )
+        for frame in frames
+    )
+    assert again == stream
+
+
+def random_messages(messages, rng: np.random.Generator):
+    """One message of each kind to the board and from it, with random contents and random array lengths."""
+
+    def floats(most):
+        return rng.normal(size=rng.integers(0, most + 1)).astype(np.float32)
+
+    def sample():
+        return messages.ServoSample_1_0(tip_m=rng.normal(size=3), force_N=rng.normal(size=3), triangle=rng.integers(0, 2**16))
+
+    yield MessageDataSpecifier(1600), messages.ServoTrace_1_0(
+        sequence=rng.integers(0, 2**32), samples=[sample() for _ in range(rng.integers(0, 33))]
+    )
+    yield MessageDataSpecifier(1601), messages.BoardStatus_1_0(tick=rng.integers(0, 2**32), faults=0x8001)
+    yield MessageDataSpecifier(1602), messages.ModelReport_1_0(sequence=rng.integers(0, 2**32), status=35)
+    yield MessageDataSpecifier(1610), messages.LocalModel_1_0(
+        schema_hash=rng.integers(0, 2**63),
+        position_m=floats(96),
+        triangle_id=rng.integers(0, 2**16, size=rng.integers(0, 97)).astype(np.uint16),
+        corner=rng.integers(0, 2**8, size=rng.integers(0, 289)).astype(np.uint8),
+        coefficient=floats(1152),
+        state_q=floats(192),
+        basis=rng.integers(-(2**15), 2**15, size=rng.integers(0, 9217)).astype(np.int16),
+    )
+    yield MessageDataSpecifier(1611), messages.TraceRequest_1_0(first_tick=rng.integers(0, 2**32), count=12)
+    yield ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request(action=2, token=rng.integers(0, 2**32))
+    yield ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response(status=49, mode=1)
+    yield ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request()
+    yield ServiceDataSpecifier(301, RESPONSE), messages.GetInfo_1_0.Response(
+        board=np.frombuffer(b"x" * rng.integers(0, 33), dtype=np.uint8), max_basis=9216
+    )
+
+
+def wire_specifier(specifier) -> int:
+    if isinstance(specifier, MessageDataSpecifier):
+        return specifier.subject_id
+    return (0xC000 if specifier.role == REQUEST else 0x8000) | specifier.service_id
+
+
+def test_we_read_pycyphals_frames(messages):
+    rng = np.random.default_rng(1)
+    sent, stream = [], b""
+    for _ in range(20):
+        for specifier, message in random_messages(messages, rng):
+            service = isinstance(specifier, ServiceDataSpecifier)
+            header = {
+                "priority": int(rng.integers(0, 8)),
+                "source": int(rng.integers(0, 0xFFFF)),
+                "destination": int(rng.integers(0, 0xFFFF)) if service else 0xFFFF,
+                "specifier": wire_specifier(specifier),
+                "transfer_id": int(rng.integers(0, 2**63)),
+            }
+            payload = serialized(message)
+            sent.append({**header, "payload": payload.hex(), "decoded": payload.hex()})
+            destination = header["destination"] if service else None
+            stream += pycyphal_frame(
+                specifier, payload, header["source"], destination, header["transfer_id"], Priority(header["priority"])
+            )
+    frames, counters = parse(stream)
+    assert frames == sent
+    assert counters == {"frames": len(sent), "refused": 0}
+
+
+def test_damaged_frames_of_pycyphal_are_refused(messages):
+    """In every tenth frame one bit is flipped: those are missing, all others arrive."""
+    rng, picker = np.random.default_rng(2), random.Random(2)
+    good, stream = [], b""
+    for index in range(200):
+        payload = rng.integers(0, 256, size=rng.integers(0, 300)).astype(np.uint8).tobytes()
+        frame = bytearray(pycyphal_frame(MessageDataSpecifier(1600), payload, BOARD, None, index))
+        if index % 10 == 5:
+            bit = picker.randrange(8 * len(frame))
+            frame[bit // 8] ^= 1 << (bit % 8)
+        else:
+            good.append(index)
+        stream += bytes(frame)
+    frames, counters = parse(stream)
+    assert [frame["transfer_id"] for frame in frames] == good
+    assert counters["refused"] >= 20
+
+
+class SerialLine:
+    """A pseudo-terminal: pycyphal has one end, the test the other."""
+
+    def __init__(self):
+        self._end, peer = pty.openpty()
+        tty.setraw(self._end)
+        tty.setraw(peer)
+        self.port = os.ttyname(peer)
+        self._peer = peer
+        self._received = bytearray()
+        self._changed = threading.Condition()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self):
+        while True:
+            try:
+                data = os.read(self._end, 4096)
+            except OSError:
+                return
+            with self._changed:
+                self._received += data
+                self._changed.notify_all()
+
+    def wait_for_frames(self, count: int) -> bytes:
+        """Waits until `count` frames have come (each ends with a delimiter); returns all bytes so far."""
+
+        def complete():
+            return sum(1 for part in bytes(self._received).split(b"\0") if part) >= count and self._received[-1:] == b"\0"
+
+        with self._changed:
+            assert self._changed.wait_for(complete, timeout=RECEIVE_TIMEOUT_S), f"got {len(self._received)} bytes"
+            return bytes(self._received)
+
+    def write(self, data: bytes):
+        while data:
+            data = data[os.write(self._end, data) :]
+
+    def close(self):
+        os.close(self._peer)
+
+
+def test_pycyphals_transport_over_a_serial_line(messages):
+    """pycyphal as the host on a serial port: it receives what the board sends, and the board reads what it sends."""
+    line = SerialLine()
+
+    async def run():
+        node = Presentation(SerialTransport(line.port, local_node_id=HOST, service_transfer_multiplier=2))
+        traces = node.make_subscriber(messages.ServoTrace_1_0, 1600)
+        statuses = node.make_subscriber(messages.BoardStatus_1_0, 1601)
+        models = node.make_publisher(messages.LocalModel_1_0, 1610)
+        models.send_timeout = RECEIVE_TIMEOUT_S
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(None, line.write, wire_sample("write"))
+        trace, transfer = await traces.receive(loop.time() + RECEIVE_TIMEOUT_S)
+        assert (trace.first_tick, transfer.source_node_id, transfer.transfer_id) == (1000, BOARD, 3)
+        status, _ = await statuses.receive(loop.time() + RECEIVE_TIMEOUT_S)
+        assert status.tick == 1100
+
+        model = messages.LocalModel_1_0(tick=7, modes=192, basis=np.arange(9216, dtype=np.int16))
+        assert await models.publish(model)
+        client = node.make_client(messages.Command_1_0, 300, BOARD)
+        client.response_timeout = 0.01  # nobody answers
+        request = messages.Command_1_0.Request(action=messages.Command_1_0.Request.DISARM)
+        assert await client.call(request) is None
+        stream = await loop.run_in_executor(None, line.wait_for_frames, 3)
+        node.close()
+        return stream, model, request
+
+    try:
+        stream, model, request = asyncio.run(run())
+    finally:
+        line.close()
+    frames, counters = parse(stream)
+    assert counters["refused"] == 0
+    assert [frame["specifier"] for frame in frames] == [1610, 0xC000 | 300, 0xC000 | 300]
+    assert frames[0]["payload"] == serialized(model).hex() == frames[0]["decoded"]
+    assert frames[1]["payload"] == serialized(request).hex()
+    assert frames[1] == frames[2]  # sent twice: the board ignores the repeat by its transfer-ID
+    assert (frames[1]["source"], frames[1]["destination"]) == (HOST, BOARD)
