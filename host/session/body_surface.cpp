@@ -135,6 +135,8 @@ BodyTick advance_tick(BodySurface& surface, ContactState<double>& contact, const
     tip = next;
   }
   result.contact = contact;
+  if (contact.mode != ContactMode::free)
+    result.normal = surface.normal_before(contact.triangle, contact.barycentric);
   return result;
 }
 

@@ -61,6 +61,7 @@ static_assert(ContactSurface<BodySurface>);
 struct BodyTick {
   Vec3d mean_force_N{};            // of the tip on the body, averaged over the tick: what the hand feels
   ContactState<double> contact{};  // at the end of the tick
+  Vec3d normal{};                  // of the surface at the contact, outward; zero when free
 };
 
 // Advances body and contact by one servo tick (kTick_s) in an integer number of the surface's steps; the tip

@@ -75,6 +75,7 @@ std::optional<ModelUpdate> Session::update() {
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
   ModelUpdate update;
   pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, contact_, update.message);
+  update.state = surface_.state();
   update.patch_nodes = model.node;
   update.interpolated_ticks = std::exchange(interpolated_in_model_, 0);
   update.damping_coupling = model.damping_coupling;

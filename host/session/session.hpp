@@ -31,6 +31,7 @@ struct SessionConfig {
 // One local model and what led to it.
 struct ModelUpdate {
   palpate_LocalModel_1_0 message{};
+  BodyState state;               // that was linearized
   std::vector<int> patch_nodes;  // surface nodes, the body's own numbers
   std::uint32_t interpolated_ticks = 0;
   double damping_coupling = 0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)

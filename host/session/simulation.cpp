@@ -58,6 +58,7 @@ void run_with_tip(const Body& body, const BodyState& start, const SimulationConf
         advance_tick(surface, contact, config.law, config.tip_m[tick - 1], config.tip_m[tick]);
     result.mean_force_N.push_back(done.mean_force_N);
     result.mode.push_back(done.contact.mode);
+    result.normal.push_back(done.normal);
     if (norm(done.mean_force_N) > peak_N) {
       peak_N = norm(done.mean_force_N);
       result.state_at_peak = surface.state();

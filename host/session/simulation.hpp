@@ -33,6 +33,7 @@ struct SimulationResult {
   // One entry per tick 1 ... ticks.
   std::vector<Vec3d> mean_force_N;  // of the tip on the body, averaged over the tick
   std::vector<ContactMode> mode;    // at its end
+  std::vector<Vec3d> normal;        // outward, at the contact; zero when free
   std::vector<BodyState> exported;  // one per export tick
   // The body when the tip's force was largest; at the end where it never touched.
   BodyState state_at_peak;

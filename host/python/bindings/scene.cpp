@@ -1,0 +1,177 @@
+#include "host/python/bindings/scene.hpp"
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "shared/servo_tick.hpp"
+
+namespace palpate::python {
+namespace {
+
+Vec3d vector(const nb::dict& table, const char* key) {
+  const auto values = nb::cast<std::vector<double>>(nb::list(table[key]));
+  if (values.size() != 3) throw std::invalid_argument(std::string(key) + ": must be three numbers");
+  return {values[0], values[1], values[2]};
+}
+
+std::string text(const nb::dict& table, const char* key) {
+  return nb::cast<std::string>(table[key]);
+}
+
+std::vector<std::array<int, 3>> indices(const nb::dict& table, const char* key) {
+  return nb::cast<std::vector<std::array<int, 3>>>(table[key]);
+}
+
+template <class T>
+T choice(const std::string& value, const char* key,
+         std::initializer_list<std::pair<const char*, T>> choices) {
+  for (const auto& [name, meaning] : choices)
+    if (value == name) return meaning;
+  throw std::invalid_argument(std::string(key) + " = \"" + value + "\": not known to the core");
+}
+
+std::vector<link::Fault> faults(const nb::dict& table, const char* drop, const char* flip) {
+  std::vector<link::Fault> faults;
+  for (const std::uint32_t frame : whole_list(table, drop))
+    faults.push_back({frame, link::FaultKind::drop, 0});
+  for (const nb::handle entry : nb::list(table[flip])) {
+    const auto fields = nb::cast<nb::dict>(entry);
+    faults.push_back({whole(fields, "frame"), link::FaultKind::flip_bit, whole(fields, "bit")});
+  }
+  return faults;
+}
+
+}  // namespace
+
+nb::dict table(const nb::dict& scene, const char* name) {
+  return nb::cast<nb::dict>(scene[name]);
+}
+double number(const nb::dict& table, const char* key) {
+  return nb::cast<double>(table[key]);
+}
+std::uint32_t whole(const nb::dict& table, const char* key) {
+  return nb::cast<std::uint32_t>(table[key]);
+}
+std::vector<std::uint32_t> whole_list(const nb::dict& table, const char* key) {
+  return nb::cast<std::vector<std::uint32_t>>(nb::list(table[key]));
+}
+
+host::Body read_body(const nb::dict& scene) {
+  const nb::dict body = table(scene, "body");
+  host::LatticeSpec spec;
+  spec.dimension = nb::cast<int>(body["dimension"]);
+  spec.nodes = nb::cast<std::array<int, 3>>(nb::list(body["nodes"]));
+  spec.spacing_m = number(body, "spacing_m");
+  spec.origin_m = vector(body, "origin_m");
+  spec.mass_kg = number(body, "mass_kg");
+  spec.stiffness_N_m = number(body, "stiffness_N_m");
+  spec.damping_N_s_m = number(body, "damping_N_s_m");
+  using host::Face;
+  using host::Neighbours;
+  spec.neighbours = choice<Neighbours>(
+      text(body, "neighbours"), "body.neighbours",
+      {{"axis", Neighbours::axis}, {"edge", Neighbours::edge}, {"full", Neighbours::full}});
+  for (const auto& face : nb::cast<std::vector<std::string>>(nb::list(body["fixed_faces"])))
+    spec.fixed_faces.push_back(choice<Face>(face, "body.fixed_faces",
+                                            {{"x-", Face::x_minus},
+                                             {"x+", Face::x_plus},
+                                             {"y-", Face::y_minus},
+                                             {"y+", Face::y_plus},
+                                             {"z-", Face::z_minus},
+                                             {"z+", Face::z_plus}}));
+  spec.fixed_nodes = indices(body, "fixed_nodes");
+  spec.gravity_m_s2 = vector(body, "gravity_m_s2");
+  return host::make_lattice(spec);
+}
+
+host::BodyState read_start(const nb::dict& scene, const host::Body& body) {
+  const nb::dict values = table(scene, "body");
+  const auto nodes = indices(values, "initial_nodes");
+  const auto displacements = nb::cast<std::vector<std::array<double, 3>>>(values["initial_displacements_m"]);
+  host::BodyState state = body.rest_state();
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const int node = body.lattice()->node(nodes[i][0], nodes[i][1], nodes[i][2]);
+    for (int axis = 0; axis < 3; ++axis)
+      state.position_m(axis, node) += displacements.at(i)[static_cast<std::size_t>(axis)];
+  }
+  return state;
+}
+
+ContactLaw<double> read_contact(const nb::dict& scene) {
+  const nb::dict contact = table(scene, "contact");
+  return {number(contact, "static_friction"), number(contact, "kinetic_friction"),
+          number(table(scene, "tool"), "radius_m")};
+}
+
+plant::TipPath read_path(const nb::dict& scene) {
+  const nb::dict path = table(scene, "path");
+  const auto time_s =
+      nb::cast<nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>>(path["time_s"]);
+  const auto position_m =
+      nb::cast<nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>>(
+          path["position_m"]);
+  std::vector<plant::TimedPosition> points;
+  for (std::size_t i = 0; i < time_s.shape(0); ++i) {
+    const double* x = position_m.data() + 3 * i;
+    points.push_back({time_s.data()[i], {x[0], x[1], x[2]}});
+  }
+  return text(path, "interpolation") == "linear" ? plant::TipPath::samples(std::move(points))
+                                                 : plant::TipPath::minimum_jerk(std::move(points));
+}
+
+plant::PlantParameters read_plant(const nb::dict& scene) {
+  const nb::dict hand = table(scene, "hand"), device = table(scene, "device");
+  plant::PlantParameters plant;
+  plant.grip = number(hand, "grip");
+  plant.hand.mass_kg = number(hand, "mass_kg");
+  plant.hand.stiffness_N_m = number(hand, "stiffness_N_m");
+  plant.hand.damping_N_s_m = number(hand, "damping_N_s_m");
+  plant.hand.grip_stiffness_N_m = number(hand, "grip_stiffness_N_m");
+  plant.hand.grip_damping_N_s_m = number(hand, "grip_damping_N_s_m");
+  plant.encoder_reference = nb::cast<std::array<std::int32_t, 3>>(nb::list(device["encoder_reference"]));
+  plant.amplifiers.bandwidth_Hz = number(device, "amplifier_bandwidth_Hz");
+  plant.amplifiers.peak_A = number(device, "amplifier_peak_A");
+  plant.amplifiers.offset_A = vector(device, "amplifier_offset_A");
+  return plant;
+}
+
+host::ClosedLoopConfig read_closed_loop(const nb::dict& scene) {
+  const nb::dict rates = table(scene, "rates"), model = table(scene, "model"), board = table(scene, "board");
+  host::ClosedLoopConfig config;
+  config.ticks = whole(scene, "duration_ticks");
+  config.host_delay_ticks = whole(rates, "host_delay_ticks");
+  config.session.law = read_contact(scene);
+  config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
+  config.session.update_Hz = number(rates, "model_update_Hz");
+  const auto patch = nb::cast<std::array<int, 3>>(nb::list(model["patch_nodes"]));
+  config.session.patch = {patch[0], patch[1], patch[2]};
+  config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
+  for (const nb::handle entry : nb::list(table(scene, "hand")["grip_changes"])) {
+    const auto change = nb::cast<nb::dict>(entry);
+    config.grip_changes.push_back(
+        {static_cast<std::uint32_t>(std::lround(number(change, "time_s") / kTick_s)),
+         number(change, "grip")});
+  }
+  const nb::dict board_faults = table(board, "faults"), link_faults = table(table(scene, "link"), "faults");
+  config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
+  config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
+  config.faults_down = faults(link_faults, "drop_down", "flip_down");
+  config.faults_up = faults(link_faults, "drop_up", "flip_up");
+  return config;
+}
+
+host::Method read_method(const nb::dict& scene) {
+  return choice<host::Method>(
+      text(table(scene, "integrator"), "method"), "integrator.method",
+      {{"semi_implicit", host::Method::semi_implicit_euler}, {"implicit", host::Method::implicit_euler}});
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,34 @@
+// Scene dictionaries (palpate.scene.Scene.to_dict) as the core's own configuration.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "host/msd/lattice.hpp"
+#include "host/plant/plant.hpp"
+#include "host/session/closed_loop.hpp"
+#include "host/session/simulation.hpp"
+
+namespace palpate::python {
+
+namespace nb = nanobind;
+
+// All throw std::invalid_argument for what the core refuses, with the key where it is known; a missing key is
+// a KeyError, a bug of the caller.
+host::Body read_body(const nb::dict& scene);
+// At rest but for the scene's initial displacements.
+host::BodyState read_start(const nb::dict& scene, const host::Body& body);
+ContactLaw<double> read_contact(const nb::dict& scene);
+plant::TipPath read_path(const nb::dict& scene);
+plant::PlantParameters read_plant(const nb::dict& scene);
+host::ClosedLoopConfig read_closed_loop(const nb::dict& scene);
+host::Method read_method(const nb::dict& scene);
+
+nb::dict table(const nb::dict& scene, const char* name);
+double number(const nb::dict& table, const char* key);
+std::uint32_t whole(const nb::dict& table, const char* key);
+std::vector<std::uint32_t> whole_list(const nb::dict& table, const char* key);
+
+}  // namespace palpate::python

@@ -1,0 +1,248 @@
+#include "host/session/closed_loop.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <deque>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "host/link/host_endpoint.hpp"
+#include "host/session/arming.hpp"
+#include "shared/servo_tick.hpp"
+
+namespace palpate::host {
+namespace {
+
+constexpr std::uint32_t kTicksPerReport = 10;
+
+bool contains(const std::vector<std::uint32_t>& ticks, std::uint32_t tick) {
+  return std::find(ticks.begin(), ticks.end(), tick) != ticks.end();
+}
+
+// The host: endpoint, arming, session, and frames that wait for the end of the computing delay.
+class Host {
+ public:
+  Host(const Body& body, const BodyState& start, const ClosedLoopConfig& config)
+      : config_(config), session_(body, start, config.session) {
+    result_.state_at_peak = start;
+  }
+
+  void receive(const std::vector<std::uint8_t>& bytes, std::uint32_t tick) {
+    for (const link::Incoming& incoming : endpoint_.receive(bytes, tick))
+      std::visit([this](const auto& message) { take(message); }, incoming);
+  }
+
+  // Frames that the host hands to the link in this tick.
+  std::vector<link::OutgoingFrame> poll(std::uint32_t tick) {
+    std::vector<link::OutgoingFrame> frames;
+    if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
+    if (session_.due(tick)) {
+      for (const TickRange& gap : session_.missing()) {
+        palpate_TraceRequest_1_0 request{};
+        request.first_tick = gap.first;
+        request.count = static_cast<std::uint16_t>(std::min<std::uint32_t>(gap.count, kLargestTraceRequest));
+        frames.push_back(endpoint_.encode(request));
+      }
+      if (auto update = session_.update())
+        computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
+    }
+    while (!computing_.empty() && computing_.front().first <= tick) {
+      frames.push_back(send(computing_.front().second, tick));
+      computing_.pop_front();
+    }
+    return frames;
+  }
+
+  // `recorded`: every tick of the run, for what is known only afterwards.
+  ClosedLoopResult finish(std::vector<LoopTick> recorded) {
+    std::map<std::uint32_t, std::size_t> row;
+    for (std::size_t i = 0; i < recorded.size(); ++i) row[recorded[i].tick] = i;
+    for (const Session::Interpolated& guess : session_.interpolated()) {
+      const auto found = row.find(guess.tick);
+      if (found == row.end()) continue;
+      const std::array<float, 3>& tip = recorded[found->second].board.tip_m;
+      const Vec3d truth{static_cast<double>(tip[0]), static_cast<double>(tip[1]),
+                        static_cast<double>(tip[2])};
+      for (UpdateRecord& update : result_.updates)
+        if (update.sequence == guess.sequence)
+          update.interpolation_error_m = std::max(update.interpolation_error_m, norm(guess.tip_m - truth));
+    }
+    if (result_.patch_at_peak.empty()) {
+      result_.state_at_peak = session_.state();
+      result_.peak_tick = session_.tick();
+    }
+    if (const auto found = row.find(result_.peak_tick); found != row.end())
+      result_.tip_at_peak_m = recorded[found->second].true_tip_m;
+    const link::EndpointCounters counters = endpoint_.counters();
+    result_.counters.frames_lost_up =
+        counters.frames_refused + counters.frames_lost + counters.payloads_malformed;
+    result_.counters.frames_lost_down = board_refused_ + board_lost_;
+    result_.ticks = std::move(recorded);
+    return std::move(result_);
+  }
+
+ private:
+  static constexpr std::uint32_t kLargestTraceRequest = 256;  // palpate.TraceRequest
+
+  link::OutgoingFrame send(const ModelUpdate& update, std::uint32_t tick) {
+    link::OutgoingFrame frame = endpoint_.encode(update.message);
+    UpdateRecord record;
+    record.sequence = update.message.sequence;
+    record.tick = update.message.tick;
+    record.sent_tick = tick;
+    record.modes = update.message.modes;
+    record.nodes = update.message.nodes;
+    record.bytes = static_cast<std::uint32_t>(frame.bytes.size());
+    record.interpolated_ticks = update.interpolated_ticks;
+    result_.updates.push_back(record);
+    ++result_.counters.models_sent;
+
+    const float* force = update.message.contact.force_N;
+    const double force_N = norm(
+        Vec3d{static_cast<double>(force[0]), static_cast<double>(force[1]), static_cast<double>(force[2])});
+    if (result_.patch_at_peak.empty() || force_N > peak_N_) {
+      peak_N_ = force_N;
+      result_.state_at_peak = update.state;
+      result_.peak_tick = record.tick;
+      result_.patch_at_peak = update.patch_nodes;
+    }
+    return frame;
+  }
+
+  void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
+  void take(const palpate_BoardStatus_1_0& status) {
+    arming_.take(status);
+    board_refused_ = status.frames_refused;
+    board_lost_ = status.frames_lost;
+  }
+  void take(const palpate_ModelReport_1_0& report) {
+    for (UpdateRecord& update : result_.updates) {
+      if (update.sequence != report.sequence) continue;
+      update.status = report.status;
+      update.swap_tick = report.swap_tick;
+    }
+    if (report.status == static_cast<std::uint8_t>(Status::ok)) {
+      ++result_.counters.models_taken;
+    } else {
+      ++result_.counters.models_refused;
+    }
+  }
+  void take(const link::CommandResponse& response) { arming_.take(response.message); }
+  void take(const link::InfoResponse&) {}
+
+  const ClosedLoopConfig& config_;
+  link::HostEndpoint endpoint_;
+  Arming arming_;
+  Session session_;
+  std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
+  ClosedLoopResult result_;
+  double peak_N_ = 0.0;
+  std::uint32_t board_refused_ = 0, board_lost_ = 0;  // as the board counts
+};
+
+void require(bool good, const char* what) {
+  if (!good) throw std::runtime_error(std::string("board: ") + what);
+}
+
+}  // namespace
+
+void FileDescriptorPeer::send(const lockstep::SensorFrame& frame) {
+  const auto* bytes = reinterpret_cast<const std::byte*>(&frame);
+  for (std::size_t done = 0; done < sizeof frame;) {
+    const ssize_t count = ::write(sensor_fd_, bytes + done, sizeof frame - done);
+    if (count < 0 && errno == EINTR) continue;
+    require(count > 0, "its sensor stream is closed");
+    done += static_cast<std::size_t>(count);
+  }
+}
+
+void FileDescriptorPeer::receive(lockstep::ActuatorFrame& frame) {
+  auto* bytes = reinterpret_cast<std::byte*>(&frame);
+  for (std::size_t done = 0; done < sizeof frame;) {
+    const ssize_t count = ::read(actuator_fd_, bytes + done, sizeof frame - done);
+    if (count < 0 && errno == EINTR) continue;
+    require(count > 0, "its actuator stream ended");
+    done += static_cast<std::size_t>(count);
+  }
+}
+
+ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant::Plant& plant,
+                                 LockstepPeer& board, link::Medium& down, link::Medium& up,
+                                 const ClosedLoopConfig& config, const Progress& progress) {
+  Host host(body, start, config);
+  link::FaultPlan faults_down(config.faults_down), faults_up(config.faults_up);
+  std::vector<LoopTick> recorded;
+  recorded.reserve(config.ticks);
+  std::size_t next_grip = 0;
+  std::uint32_t missed_deadlines = 0;
+
+  std::uint32_t tick = 0;
+  while (tick < config.ticks) {
+    for (; next_grip < config.grip_changes.size() && config.grip_changes[next_grip].tick <= tick; ++next_grip)
+      plant.set_grip(config.grip_changes[next_grip].grip);
+
+    lockstep::SensorFrame sensors{};
+    sensors.magic = lockstep::kSensorMagic;
+    sensors.tick = tick;
+    sensors.encoder_count = plant.encoder_counts();
+    sensors.current_A = plant.measured_current_A();
+    if (contains(config.emergency_stop_ticks, tick)) sensors.flags |= lockstep::kEmergencyStop;
+    if (contains(config.overlong_ticks, tick)) sensors.flags |= lockstep::kBurnCycles;
+    const std::vector<std::uint8_t> to_board = down.deliver(tick);
+    require(to_board.size() <= sensors.link.size(),
+            "the link brings more bytes in a tick than the exchange holds");
+    sensors.link_length = static_cast<std::uint32_t>(to_board.size());
+    std::copy(to_board.begin(), to_board.end(), sensors.link.begin());
+
+    LoopTick& row = recorded.emplace_back();
+    row.tick = tick;
+    row.encoder_count = sensors.encoder_count;
+    row.measured_current_A = sensors.current_A;
+    row.true_tip_m = plant.tip_position_m();
+    row.hand_target_m = plant.intended_position_m();
+    row.hand_force_N = plant.hand_force_N();
+
+    board.send(sensors);
+    board.receive(row.board);
+    require(row.board.magic == lockstep::kActuatorMagic && row.board.tick == tick &&
+                row.board.link_length <= row.board.link.size(),
+            "its actuator frame has a wrong magic number, tick or length");
+    // Of m deadlines missed in a row, m - 1 ticks are lost (firmware/core/deadline_monitor.hpp).
+    const std::uint32_t elapsed = std::max(1u, row.board.missed_deadlines - missed_deadlines);
+    missed_deadlines = row.board.missed_deadlines;
+
+    (void)up.submit(faults_up.apply(std::span(row.board.link).first(row.board.link_length)), tick);
+    plant.advance(row.board.setpoint_A, row.board.enabled != 0, elapsed * kTick_s);
+    tick += elapsed;
+
+    const std::vector<std::uint8_t> to_host = up.deliver(tick);
+    row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
+    row.link_down_bytes = sensors.link_length;
+    host.receive(to_host, tick);
+    for (const link::OutgoingFrame& frame : host.poll(tick))
+      (void)down.submit(faults_down.apply(frame.bytes), tick);
+
+    if (recorded.size() % kTicksPerReport == 0 && progress &&
+        !progress(std::min(tick, config.ticks), config.ticks))
+      throw std::runtime_error("stopped");
+  }
+
+  lockstep::SensorFrame last{};
+  last.magic = lockstep::kSensorMagic;
+  last.tick = tick;
+  last.flags = lockstep::kShutdown;
+  last.encoder_count = plant.encoder_counts();
+  board.send(last);
+  lockstep::ActuatorFrame farewell{};
+  board.receive(farewell);
+  return host.finish(std::move(recorded));
+}
+
+}  // namespace palpate::host
