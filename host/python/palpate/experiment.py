@@ -55,7 +55,7 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
     if scene.sections.reference.enabled:
         started_s = time.monotonic()
         with progress("reference", "tick") as bar, _naming(scene):
-            time_s = (np.asarray(results["ticks/tick"], dtype=np.float64) + 1.0) * _TICK_S
+            time_s = np.asarray(results["ticks/tick"], dtype=np.float64) * _TICK_S
             tip_m = np.asarray(results["ticks/tip_m"], dtype=np.float64)
             results.update(core.reference(given, time_s, tip_m, bar))
         wall_clock_s["reference_s"] = round(time.monotonic() - started_s, 3)
@@ -72,7 +72,7 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
     )
     files = _begin_output(folder)
     _write_record(files, record_layout.RUN, values, scene, numbers, counters)
-    time_s = (values["ticks/tick"] + 1.0) * _TICK_S
+    time_s = values["ticks/tick"] * _TICK_S
     if console.strip():
         files.write_text("console.txt", console)
     if scene.sections.outputs.csv:

@@ -74,8 +74,8 @@ def save_forces(
 ) -> None:
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
-    time_s: (n,). normal: (n, 3), outward surface normal at the contact (0: none), for splitting the forces. friction: static and
-    kinetic coefficients. model_age_ticks: (n,), NaN where no model was rendered.
+    time_s: (n,). normal: (n, 3), outward surface normal at the contact (0: none), for splitting the forces.
+    friction: static and kinetic coefficients. model_age_ticks: (n,), NaN where no model was rendered.
     """
     heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
     figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")

@@ -192,7 +192,7 @@ class Board:
         else:
             reason = f"ended with code {code} ({_EXIT_CODES.get(code, 'unknown')})"
         last = self.console().strip().splitlines()[-1:]
-        return f"board {self._type.name} {reason} after tick {self._tick}" + "".join(
+        return f"board {self._type.name} {reason}; last sign of life at tick {self._tick}" + "".join(
             f"; it said: {t}" for t in last
         )
 

@@ -41,7 +41,13 @@ CONTACT_MODES = ("free", "stick", "slip")
 
 # One row per servo tick; "the board says" is telemetry that does not cross the link.
 TICKS = (
-    _tick("tick", "u4", 0, "ticks", "number of the servo tick, from 0"),
+    _tick(
+        "tick",
+        "u4",
+        0,
+        "ticks",
+        "number of the servo tick, at so many milliseconds; numbers are missing after an overlong tick",
+    ),
     _tick("encoder_count", "i4", 3, "counts", "joint encoders, as given to the board"),
     _tick("measured_current_A", "f4", 3, "A", "motor currents, as given to the board"),
     _tick("setpoint_A", "f4", 3, "A", "motor current set-points, from the board"),
@@ -141,7 +147,7 @@ BODY = (
 RUN = (*TICKS, *UPDATES, *REFERENCE, *BODY)
 
 SIMULATE = (
-    Dataset("tip/time_s", "f8", ("ticks",), "s", "end of the servo tick", hashed=True, optional=True),
+    Dataset("tip/time_s", "f8", ("ticks",), "s", "time of the servo tick", hashed=True, optional=True),
     Dataset("tip/position_m", "f8", ("ticks", 3), "m", "tip position", hashed=True, optional=True),
     Dataset(
         "tip/force_N", "f8", ("ticks", 3), "N", "force of the tip on the body", hashed=True, optional=True

@@ -343,7 +343,11 @@ class SceneFile:
     """The whole scene as it stands in the file. The servo tick is 0.001 s throughout."""
 
     title: str = key(Text(), "shown in the output", default="")
-    duration_s: float = key(Number(TICK_S, MAX_TIME_S), "length of the experiment in virtual time", unit="s")
+    duration_s: float = key(
+        Number(TICK_S, MAX_TIME_S),
+        "length of the experiment in virtual time, rounded to whole ticks",
+        unit="s",
+    )
     body: Body = section(
         Body, "The lattice: point masses, and springs with dampers between neighbours.", required=True
     )

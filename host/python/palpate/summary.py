@@ -24,7 +24,11 @@ RUN_KEYS = (
     SummaryKey("command", "", "`run` or `demo`"),
     SummaryKey("title", "", "the scene's title"),
     SummaryKey("board", "", "where the firmware ran"),
-    SummaryKey("ticks", "ticks", "servo ticks of 1 ms of virtual time"),
+    SummaryKey(
+        "ticks",
+        "ticks",
+        "servo ticks that the board computed, one a millisecond of virtual time; overlong ones cost others",
+    ),
     SummaryKey("missed_deadlines", "", "servo ticks that took longer than 1 ms of the board's time"),
     SummaryKey("background_overruns", "", "ticks whose background work was not done when the next began"),
     SummaryKey(
@@ -157,7 +161,7 @@ def summarize_run(
     """summary.json of a run: exactly the keys of RUN_KEYS. `values` are the datasets of a record, `counters` those of
     RUN_COUNTERS."""
     ticks = len(values["ticks/tick"])
-    duration_s = ticks / TICKS_PER_SECOND
+    duration_s = (int(values["ticks/tick"][-1]) + 1) / TICKS_PER_SECOND
     mode, force_N = values["ticks/contact_mode"], values["ticks/force_N"]
     age = values["ticks/model_age_ticks"][values["ticks/model_sequence"] != 0]
 

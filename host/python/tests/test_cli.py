@@ -111,7 +111,10 @@ def test_a_board_that_dies_is_a_failure_on_one_line(
     monkeypatch.setitem(hil.BOARDS, "mps2_an386", fake_core.board("sys.exit(5)"))
     assert cli.main(["run", str(SCENE), "--json"]) == 1
     printed = capsys.readouterr()
-    message = "palpate run: board fake ended with code 5 (processor fault) after tick 0; it said: hello from the board"
+    message = (
+        "palpate run: board fake ended with code 5 (processor fault); last sign of life at tick 0; "
+        "it said: hello from the board"
+    )
     assert json.loads(printed.out) == {"error": message}
     assert printed.err.endswith(message + "\n")
 

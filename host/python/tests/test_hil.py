@@ -37,9 +37,12 @@ def test_a_run_returns_results_and_console_and_leaves_nothing_behind() -> None:
 @pytest.mark.parametrize(
     ("behaviour", "reason"),
     [
-        ("if tick == 7: sys.exit(5)", "ended with code 5 (processor fault) after tick 7"),
-        ("if tick == 7: sys.exit(99)", "ended with code 99 (unknown) after tick 7"),
-        ("if tick == 7: os.kill(os.getpid(), signal.SIGSEGV)", "was ended by signal 11 after tick 7"),
+        ("if tick == 7: sys.exit(5)", "ended with code 5 (processor fault); last sign of life at tick 7"),
+        ("if tick == 7: sys.exit(99)", "ended with code 99 (unknown); last sign of life at tick 7"),
+        (
+            "if tick == 7: os.kill(os.getpid(), signal.SIGSEGV)",
+            "was ended by signal 11; last sign of life at tick 7",
+        ),
     ],
 )
 def test_a_board_that_dies_is_reported(behaviour: str, reason: str) -> None:
@@ -51,13 +54,17 @@ def test_a_board_that_dies_is_reported(behaviour: str, reason: str) -> None:
 
 
 def test_a_board_that_hangs_is_ended() -> None:
-    with pytest.raises(BoardError, match=r"gave no tick for 0\.5 s and was ended after tick 3"):
+    with pytest.raises(
+        BoardError, match=r"gave no tick for 0\.5 s and was ended; last sign of life at tick 3"
+    ):
         hil.run_closed_loop(fake_core, {}, board("if tick == 3: time.sleep(600)"), going_on, watchdog_s=0.5)
 
 
 def test_a_board_that_never_opens_its_streams_is_ended() -> None:
     silent = hil.BoardType("fake", Path("/bin/sleep"), lambda image: [str(image), "600"], None)
-    with pytest.raises(BoardError, match=r"gave no tick for 0\.5 s and was ended after tick 0"):
+    with pytest.raises(
+        BoardError, match=r"gave no tick for 0\.5 s and was ended; last sign of life at tick 0"
+    ):
         hil.run_closed_loop(fake_core, {}, silent, going_on, watchdog_s=0.5)
 
 
