@@ -1,5 +1,6 @@
 #include "host/link/host_endpoint.hpp"
 
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -26,6 +27,13 @@ bool decode_response(const wire::Frame& frame, std::vector<Incoming>& messages) 
   if (wire::deserialize(frame.payload, response.message) != Status::ok) return false;
   messages.emplace_back(response);
   return true;
+}
+
+// The hash of the board's message definitions, if the message tells it.
+std::optional<std::uint64_t> announced_schema_hash(const Incoming& message) {
+  if (const auto* status = std::get_if<palpate_BoardStatus_1_0>(&message)) return status->schema_hash;
+  if (const auto* info = std::get_if<InfoResponse>(&message)) return info->message.schema_hash;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -133,7 +141,12 @@ void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vecto
       ++counters_.ports_unknown;
       return;
   }
-  if (!decoded) ++counters_.payloads_malformed;
+  if (!decoded) {
+    ++counters_.payloads_malformed;
+    return;
+  }
+  const std::optional<std::uint64_t> hash = announced_schema_hash(messages.back());
+  if (hash && *hash != wire::kSchemaHash) ++counters_.schema_mismatches;
 }
 
 EndpointCounters HostEndpoint::counters() const {

@@ -37,13 +37,14 @@ struct EndpointCounters {
   std::uint64_t frames_sent = 0;
   std::uint64_t bytes_sent = 0;
   std::uint64_t bytes_received = 0;
-  std::uint64_t frames_received = 0;     // good frames, whatever became of them
-  std::uint64_t frames_refused = 0;      // bad framing or CRC
-  std::uint64_t frames_lost = 0;         // gaps in the board's transfer identifiers
-  std::uint64_t frames_repeated = 0;     // the same transfer again; ignored
-  std::uint64_t frames_foreign = 0;      // from another node or to another one; ignored
-  std::uint64_t ports_unknown = 0;       // from the board, but no message of ours
+  std::uint64_t frames_received = 0;  // good frames, whatever became of them
+  std::uint64_t frames_refused = 0;   // bad framing or CRC
+  std::uint64_t frames_lost = 0;      // gaps in the board's transfer identifiers: refused frames among them
+  std::uint64_t frames_repeated = 0;  // the same transfer again; ignored
+  std::uint64_t frames_foreign = 0;   // from another node or to another one; ignored
+  std::uint64_t ports_unknown = 0;    // from the board, but no message of ours
   std::uint64_t payloads_malformed = 0;  // the decoder refused them
+  std::uint64_t schema_mismatches = 0;   // BoardStatus and GetInfo of a board with other message definitions
 };
 
 struct EndpointOptions {

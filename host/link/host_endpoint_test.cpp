@@ -163,6 +163,19 @@ TEST(HostEndpoint, UnencodableMessagesNameFieldValueAndRange) {
   EXPECT_THROW(HostEndpoint(EndpointOptions{.node = 5, .board = 5}), std::invalid_argument);
 }
 
+TEST(HostEndpoint, BoardWithOtherDefinitionsIsNoticed) {
+  HostEndpoint host;
+  palpate_BoardStatus_1_0 status{};
+  status.schema_hash = wire::kSchemaHash;
+  EXPECT_EQ(host.receive(from_board(status, 0), 0).size(), 1u);
+  EXPECT_EQ(host.counters().schema_mismatches, 0u);
+  status.schema_hash = wire::kSchemaHash + 1;
+  EXPECT_EQ(host.receive(from_board(status, 1), 0).size(), 1u);
+  palpate_GetInfo_Response_1_0 info{};
+  EXPECT_EQ(host.receive(from_board(info, 0, wire::kBoardNode, wire::kHostNode), 0).size(), 1u);
+  EXPECT_EQ(host.counters().schema_mismatches, 2u);
+}
+
 // Values are the board's to judge: NaN and a wrong schema pass the encoder.
 TEST(HostEndpoint, ValuesPassUnjudged) {
   HostEndpoint host;
