@@ -195,12 +195,12 @@ def _title(scene: Scene, what: str) -> str:
 
 
 def _rest_normals(values: Mapping[str, NDArray[Any]], mode: NDArray[Any]) -> NDArray[np.float64]:
-    """Outward normals (n, 3) at rest of the triangles that a run touched; 0 when free."""
+    """Outward normals (n, 3) at rest of the triangles that a run touched; NaN when free."""
     corners = values["body/rest_m"][values["body/triangles"]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     touching = mode != 0
-    normals = np.zeros((len(mode), 3))
+    normals = np.full((len(mode), 3), np.nan)
     normals[touching] = normal[values["ticks/triangle"][touching]]
     return normals
 
@@ -213,8 +213,7 @@ def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], 
     reference = None
     if "reference/force_N" in values:
         reference = figures.ForceTrace(values["reference/force_N"], values["reference/contact_mode"])
-        known = np.any(values["reference/normal"] != 0.0, axis=1)
-        normal[known] = values["reference/normal"][known]
+        normal = np.where(np.isfinite(values["reference/normal"]), values["reference/normal"], normal)
     age = values["ticks/model_age_ticks"].astype(np.float64)
     age[values["ticks/model_sequence"] == 0] = np.nan
     figures.save_forces(

@@ -53,8 +53,8 @@ class BodyShape:
 
 def split_force(force_N: Array, normal: Array) -> tuple[Array, Array]:
     """Pressing part along the inward normal and magnitude of the rest, in N. force_N, normal: (n, 3); normals point
-    out of the body and are of unit length; where one is 0 the whole force counts as pressing."""
-    known = np.linalg.norm(normal, axis=1) > 0.0
+    out of the body and are of unit length; where one is NaN the whole force counts as pressing."""
+    known: Array = np.all(np.isfinite(normal), axis=1)
     pressing_N = np.where(known, -np.einsum("ij,ij->i", force_N, normal), np.linalg.norm(force_N, axis=1))
     tangential_N = np.where(known[:, None], force_N + pressing_N[:, None] * normal, 0.0)
     return pressing_N, np.linalg.norm(tangential_N, axis=1)
@@ -74,7 +74,7 @@ def save_forces(
 ) -> None:
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
-    time_s: (n,). normal: (n, 3), outward surface normal at the contact (0: none), for splitting the forces.
+    time_s: (n,). normal: (n, 3), outward surface normal at the contact (NaN: none), for splitting the forces.
     friction: static and kinetic coefficients. model_age_ticks: (n,), NaN where no model was rendered.
     """
     heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])

@@ -117,7 +117,7 @@ REFERENCE = (
         "f8",
         ("ticks", 3),
         "",
-        "outward surface normal at the contact; 0 when free",
+        "outward surface normal at the contact; NaN when free",
         optional=True,
     ),
 )
@@ -158,7 +158,7 @@ SIMULATE = (
         "f8",
         ("ticks", 3),
         "",
-        "outward surface normal at the contact; 0 when free",
+        "outward surface normal at the contact; NaN when free",
         optional=True,
     ),
     Dataset("nodes/time_s", "f8", ("times",), "s", "time of export", hashed=True),

@@ -4,7 +4,7 @@ import math
 from itertools import product
 
 from palpate.scene_schema import Reader, SceneError
-from palpate.scene_sections import TICK_S, Body, Contact, Hand, LinkFault, Outputs, Path, SceneFile
+from palpate.scene_sections import TICK_S, BitFlip, Body, Contact, Hand, Outputs, Path, SceneFile
 
 MAX_PATCH_NODES = 64
 # 1.2 GB of positions and velocities in memory and in the record.
@@ -30,8 +30,9 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
         _check_path(reader, scene.path)
     _check_hand(reader, scene.hand)
     _check_patch(reader, scene)
-    _check_link_faults(reader, "link.faults.down", scene.link.faults.down)
-    _check_link_faults(reader, "link.faults.up", scene.link.faults.up)
+    faults = scene.link.faults
+    _check_link_faults(reader, "down", faults.drop_down, faults.flip_down)
+    _check_link_faults(reader, "up", faults.drop_up, faults.flip_up)
     _check_step(reader, "reference.step_s", scene.reference.step_s)
     _check_outputs(reader, scene.outputs, scene)
 
@@ -178,12 +179,14 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
         raise reader.error("model.patch_nodes", list(patch), f"at most {MAX_PATCH_NODES} nodes in all")
 
 
-def _check_link_faults(reader: Reader, where: str, faults: tuple[LinkFault, ...]) -> None:
+def _check_link_faults(reader: Reader, way: str, drops: tuple[int, ...], flips: tuple[BitFlip, ...]) -> None:
+    named = [(f"link.faults.drop_{way}[{i}]", frame) for i, frame in enumerate(drops)]
+    named += [(f"link.faults.flip_{way}[{i}].frame", flip.frame) for i, flip in enumerate(flips)]
     seen: set[int] = set()
-    for i, fault in enumerate(faults):
-        if fault.frame in seen:
-            raise reader.error(f"{where}[{i}].frame", fault.frame, "a frame that has no fault yet")
-        seen.add(fault.frame)
+    for where, frame in named:
+        if frame in seen:
+            raise reader.error(where, frame, "a frame that has no fault yet")
+        seen.add(frame)
 
 
 def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:

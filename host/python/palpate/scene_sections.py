@@ -10,6 +10,7 @@ from palpate.tip_path import MAX_POSITION_M, MAX_TIME_S
 
 TICK_S = 1e-3
 MAX_NODES_PER_AXIS = 64
+MAX_FRAME = 10_000_000
 
 _COORDINATE = Number(-MAX_POSITION_M, MAX_POSITION_M)
 _NODE = Vector((2, 3), Integer(0, MAX_NODES_PER_AXIS - 1))
@@ -272,29 +273,33 @@ class Board:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinkFault:
-    """What happens to one frame on the link."""
+class BitFlip:
+    """One bit that arrives inverted."""
 
-    frame: int = key(Integer(0, 10_000_000), "number of the frame in its direction, from 0")
-    kind: str = key(
-        Choice(("drop", "flip_bit", "truncate", "duplicate")),
-        "the frame vanishes; one bit of it is inverted; only its first bytes come; or it comes twice",
-    )
-    argument: int = key(
-        Integer(0, 1_000_000),
-        "`flip_bit`: number of the bit, modulo the frame's length; `truncate`: number of the bytes that come",
-        default=0,
-    )
+    frame: int = key(Integer(0, MAX_FRAME), "number of the frame in its direction, from 0")
+    bit: int = key(Integer(0, 1_000_000), "number of the bit in the frame, modulo the frame's length")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkFaults:
-    """Faults on the link, for tests: at most one a frame."""
+    """Faults on the link, for tests. "down" is from host to board, "up" from board to host."""
 
-    down: tuple[LinkFault, ...] = key(
-        TablesOf(LinkFault, 100_000), "of frames from host to board", default=()
+    drop_down: tuple[int, ...] = key(
+        ListOf(Integer(0, MAX_FRAME), 100_000),
+        "frames to the board that are lost, by number from 0",
+        default=(),
     )
-    up: tuple[LinkFault, ...] = key(TablesOf(LinkFault, 100_000), "of frames from board to host", default=())
+    drop_up: tuple[int, ...] = key(
+        ListOf(Integer(0, MAX_FRAME), 100_000),
+        "frames to the host that are lost, by number from 0",
+        default=(),
+    )
+    flip_down: tuple[BitFlip, ...] = key(
+        TablesOf(BitFlip, 100_000), "bits that flip in frames to the board", default=()
+    )
+    flip_up: tuple[BitFlip, ...] = key(
+        TablesOf(BitFlip, 100_000), "bits that flip in frames to the host", default=()
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -113,7 +113,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "updates/interpolation_error_m": np.zeros(updates),
         "reference/force_N": force_N,
         "reference/contact_mode": np.roll(mode, 3),
-        "reference/normal": np.where((mode == 0)[:, None], 0.0, [0.0, 0.0, 1.0]),
+        "reference/normal": np.where((mode == 0)[:, None], np.nan, [0.0, 0.0, 1.0]),
         **body_values(nodes),
     }
     counters = {
@@ -140,7 +140,7 @@ def simulate_values(ticks: int = 300, times: int = 3) -> dict[str, Any]:
         "tip/position_m": np.stack([0.012 + 0 * t, 0.003 + 0 * t, -0.02 - 0.004 * pressing_N], axis=1),
         "tip/force_N": np.stack([0.3 * pressing_N, 0 * t, -pressing_N], axis=1),
         "tip/contact_mode": (pressing_N > 0).astype(int),
-        "tip/normal": np.where((pressing_N > 0)[:, None], [0.0, 0.0, 1.0], 0.0),
+        "tip/normal": np.where((pressing_N > 0)[:, None], [0.0, 0.0, 1.0], np.nan),
         "nodes/time_s": np.linspace(0.0, 1e-3 * ticks, times),
         "nodes/position_m": body["body/rest_m"] + growth * moved_m,
         "nodes/velocity_m_s": np.zeros((times, nodes, 3)),

@@ -67,7 +67,7 @@ def test_forces_of_a_single_tick(tmp_path: Path) -> None:
         title="one tick",
         time_s=np.array([0.001]),
         rendered=ForceTrace(np.zeros((1, 3)), np.zeros(1)),
-        normal=np.zeros((1, 3)),
+        normal=np.full((1, 3), np.nan),
         friction=(0.5, 0.5),
     )
     assert (tmp_path / "forces.png").exists()
@@ -100,7 +100,7 @@ def test_sheet(tmp_path: Path) -> None:
 
 
 def test_split_of_a_force() -> None:
-    normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [0, 0, 0]])
+    normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [np.nan] * 3])
     force_N = np.array([[3.0, 4.0, -2.0], [0.0, -0.6, -0.8], [0.0, 3.0, 4.0]])
     pressing_N, tangential_N = figures.split_force(force_N, normal)
     np.testing.assert_allclose(pressing_N, [2.0, 1.0, 5.0], atol=1e-15)

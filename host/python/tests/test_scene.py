@@ -328,12 +328,12 @@ BAD = {
         "scene.toml: link.baud = 300: must be a whole number in [1200, 20000000] bit/s",
     ),
     "fault on the link": (
-        GOOD + '[link.faults]\nup = [{ frame = 1, kind = "flip_bit", argument = -1 }]',
-        "scene.toml: link.faults.up[0].argument = -1: must be a whole number in [0, 1000000]",
+        GOOD + "[link.faults]\nflip_up = [{ frame = 1, bit = -1 }]",
+        "scene.toml: link.faults.flip_up[0].bit = -1: must be a whole number in [0, 1000000]",
     ),
     "two faults of a frame": (
-        GOOD + '[link.faults]\ndown = [{ frame = 1, kind = "drop" }, { frame = 1, kind = "duplicate" }]',
-        "scene.toml: link.faults.down[1].frame = 1: must be a frame that has no fault yet",
+        GOOD + "[link.faults]\ndrop_down = [1]\nflip_down = [{ frame = 1, bit = 0 }]",
+        "scene.toml: link.faults.flip_down[0].frame = 1: must be a frame that has no fault yet",
     ),
     "export after the end": (
         GOOD + "[outputs]\nnode_times_s = [0.0, 1.5]",
