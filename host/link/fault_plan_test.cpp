@@ -15,7 +15,7 @@ const Bytes kStream{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 0, 9, 0};
 
 Bytes apply(const Fault& fault) {
   FaultPlan plan(std::span(&fault, 1));
-  const Bytes out = plan.apply(kStream);
+  Bytes out = plan.apply(kStream);
   EXPECT_EQ(plan.frames_seen(), 4u);
   EXPECT_EQ(plan.faults_applied(), 1u);
   return out;
