@@ -1,0 +1,340 @@
+#include "firmware/link/endpoint.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+#include <string>
+
+#include "firmware/test_support.hpp"
+
+namespace palpate::firmware {
+namespace {
+
+using test::HostPeer;
+
+class EndpointTest : public ::testing::Test {
+ protected:
+  // One servo tick, then the background.
+  void tick() {
+    servo_->isr_tick(timing_, sensors_);
+    ++timing_.tick;
+    endpoint_->run();
+  }
+  void ticks(std::uint32_t count) {
+    for (std::uint32_t i = 0; i < count; ++i) {
+      tick();
+      host_.pump();
+    }
+  }
+  // Sends a request; its response comes within two ticks.
+  template <class Response, class Request>
+  Response ask(const Request& request) {
+    host_.send(request);
+    ticks(2);
+    const auto responses = host_.take<Response>();
+    EXPECT_EQ(responses.size(), 1u);
+    return responses.empty() ? Response{} : responses.back();
+  }
+  palpate_Command_Response_1_0 command(std::uint8_t action, std::uint32_t token = 0) {
+    palpate_Command_Request_1_0 request{};
+    request.action = action;
+    request._token = token;
+    return ask<palpate_Command_Response_1_0>(request);
+  }
+  palpate_BoardStatus_1_0 status() {
+    host_.take<palpate_BoardStatus_1_0>();
+    ticks(kStatusPeriod_ticks);
+    const auto all = host_.take<palpate_BoardStatus_1_0>();
+    EXPECT_FALSE(all.empty());
+    return all.empty() ? palpate_BoardStatus_1_0{} : all.back();
+  }
+  std::vector<std::uint8_t> command_frame(std::uint64_t transfer_id, std::uint16_t port_specifier) {
+    palpate_Command_Request_1_0 request{};
+    return HostPeer::frame(port_specifier, transfer_id, HostPeer::payload(request));
+  }
+
+  static constexpr std::uint32_t kClock_Hz = 25'000'000;
+  const Limits limits_{};
+  Mailbox mailbox_{};
+  std::unique_ptr<LinkBuffers> link_ = std::make_unique<LinkBuffers>();
+  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::unique_ptr<Servo> servo_ =
+      std::make_unique<Servo>(device::kPremium15, limits_, 1u, *renderer_, mailbox_);
+  std::unique_ptr<Endpoint> endpoint_ = std::make_unique<Endpoint>(
+      *renderer_, *servo_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3"}, kClock_Hz);
+  HostPeer host_{*link_};
+  ServoTiming timing_{};
+  ServoSensors sensors_{};
+};
+
+TEST_F(EndpointTest, SaysWhatItIs) {
+  const auto info = ask<palpate_GetInfo_Response_1_0>(palpate_GetInfo_Request_1_0{});
+  EXPECT_EQ(info.schema_hash, wire::kSchemaHash);
+  const auto text = [](const auto& field) {
+    return std::string(field.elements, field.elements + field.count);
+  };
+  EXPECT_EQ(text(info.board), "memory");
+  EXPECT_EQ(text(info.firmware), "1.2.3");
+  EXPECT_EQ(info.max_modes, kMaxModes);
+  EXPECT_EQ(info.max_basis, kMaxBasis);
+  EXPECT_EQ(info.max_nodes, kMaxSurfaceNodes);
+  EXPECT_EQ(info.max_triangles, kMaxTriangles);
+  EXPECT_EQ(info.tick_rate_Hz, kServoRate_Hz);
+  EXPECT_EQ(info.tip_history_ticks, kTipHistory);
+}
+
+TEST_F(EndpointTest, AResponseGoesToWhoAskedWithItsTransferId) {
+  host_.transfer_id = 4711;
+  host_.send(palpate_GetInfo_Request_1_0{});
+  tick();
+  host_.pump();
+  const auto response = std::find_if(host_.received.begin(), host_.received.end(), [](const auto& one) {
+    return one.header.specifier == wire::response_specifier(wire::kGetInfoService);
+  });
+  ASSERT_NE(response, host_.received.end());
+  EXPECT_EQ(response->header.destination, wire::kHostNode);
+  EXPECT_EQ(response->header.source, wire::kBoardNode);
+  EXPECT_EQ(response->header.transfer_id, 4711u);
+}
+
+TEST_F(EndpointTest, ArmsInTwoSteps) {
+  ticks(limits_.boot_ticks);
+  const auto challenge = command(palpate_Command_Request_1_0_ARM_REQUEST);
+  EXPECT_EQ(challenge.status, 0);
+  ASSERT_NE(challenge._token, 0u);
+  EXPECT_EQ(challenge.mode, palpate_BoardStatus_1_0_MODE_IDLE);
+  const auto confirmed = command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token);
+  EXPECT_EQ(confirmed.status, 0);
+  EXPECT_EQ(confirmed.mode, palpate_BoardStatus_1_0_MODE_RENDER);
+  const auto disarmed = command(palpate_Command_Request_1_0_DISARM);
+  EXPECT_EQ(disarmed.mode, palpate_BoardStatus_1_0_MODE_IDLE);
+}
+
+TEST_F(EndpointTest, RefusesWhatTheSupervisorRefuses) {
+  ticks(limits_.boot_ticks);
+  EXPECT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, 5).status,
+            static_cast<std::uint8_t>(Status::command_token_wrong));
+  EXPECT_EQ(command(200).status, static_cast<std::uint8_t>(Status::command_refused));
+  const auto stopped = command(palpate_Command_Request_1_0_STOP);
+  EXPECT_EQ(stopped.mode, palpate_BoardStatus_1_0_MODE_FAULT);
+  EXPECT_EQ(status().last_status, static_cast<std::uint8_t>(Status::command_refused));
+}
+
+TEST_F(EndpointTest, ARepeatedRequestIsRunOnce) {
+  ticks(limits_.boot_ticks);
+  const auto request = command_frame(9, wire::request_specifier(wire::kCommandService));
+  host_.send_bytes(request);
+  host_.send_bytes(request);
+  ticks(3);
+  EXPECT_EQ(host_.take<palpate_Command_Response_1_0>().size(), 1u);
+}
+
+TEST_F(EndpointTest, MoreCommandsThanItCanHoldAreRefusedAndCounted) {
+  for (int i = 0; i < 6; ++i) host_.send(palpate_Command_Request_1_0{});
+  ticks(10);
+  EXPECT_EQ(host_.take<palpate_Command_Response_1_0>().size(), 4u);
+  EXPECT_EQ(status().frames_refused, 2u);
+}
+
+TEST_F(EndpointTest, TracesEveryTickOnce) {
+  for (int i = 0; i < 400; ++i) {
+    sensors_.count[0] = i % 50;
+    ticks(1);
+  }
+  std::uint32_t next_tick = 0;
+  std::uint32_t sequence = 0;
+  for (const auto& trace : host_.take<palpate_ServoTrace_1_0>()) {
+    EXPECT_EQ(trace.sequence, sequence++);
+    EXPECT_EQ(trace.first_tick, next_tick);
+    EXPECT_EQ(trace.samples.count, kTraceTicks);
+    for (std::size_t i = 0; i < trace.samples.count; ++i) {
+      const device::Pose pose = device::evaluate(
+          device::kPremium15,
+          device::joint_angles(device::kPremium15,
+                               {static_cast<std::int32_t>((trace.first_tick + i) % 50), 0, 0}, {}));
+      EXPECT_EQ(trace.samples.elements[i].tip_m[0], pose.tip_m.x);
+    }
+    next_tick += kTraceTicks;
+  }
+  EXPECT_EQ(next_tick, 400u);
+}
+
+TEST_F(EndpointTest, SendsATraceAgain) {
+  ticks(200);
+  const auto live = host_.take<palpate_ServoTrace_1_0>();
+  palpate_TraceRequest_1_0 request{};
+  request.first_tick = 50;
+  request.count = 100;
+  host_.send(request);
+  ticks(8);
+  std::uint32_t next_tick = 50;
+  for (const auto& trace : host_.take<palpate_ServoTrace_1_0>()) {
+    if (trace.first_tick >= 200) continue;  // live
+    EXPECT_EQ(trace.first_tick, next_tick);
+    next_tick += static_cast<std::uint32_t>(trace.samples.count);
+    const auto& original = live[trace.first_tick / kTraceTicks];
+    EXPECT_EQ(trace.samples.elements[0].tip_m[2],
+              original.samples.elements[trace.first_tick % kTraceTicks].tip_m[2]);
+  }
+  EXPECT_EQ(next_tick, 150u);
+}
+
+TEST_F(EndpointTest, SendsAgainOnlyWhatTheHistoryHolds) {
+  ticks(1000);
+  host_.take<palpate_ServoTrace_1_0>();
+  palpate_TraceRequest_1_0 request{};
+  request.first_tick = 700;  // 256 ticks of history: from about 748 on
+  request.count = 200;
+  host_.send(request);
+  request.first_tick = 900;
+  request.count = 256;  // to 1155: ends with what has happened
+  host_.send(request);
+  ticks(20);
+  std::uint32_t first = UINT32_MAX;
+  std::vector<bool> seen(1200);
+  for (const auto& trace : host_.take<palpate_ServoTrace_1_0>()) {
+    first = std::min(first, trace.first_tick);
+    for (std::uint32_t i = 0; i < trace.samples.count; ++i) seen[trace.first_tick + i] = true;
+  }
+  EXPECT_GT(first, 1000 - kTipHistory);
+  EXPECT_LT(first, 1000 - kTipHistory + 25);
+  for (std::uint32_t tick = first; tick < 1000; ++tick) EXPECT_TRUE(seen[tick]) << tick;
+}
+
+TEST_F(EndpointTest, RefusesTraceRequestsBeyondItsMeans) {
+  palpate_TraceRequest_1_0 request{};
+  request.count = kTipHistory + 1;
+  host_.send(request);
+  ticks(2);
+  EXPECT_EQ(endpoint_->counters().last_status, Status::payload_malformed);
+  request.count = 1;
+  for (std::size_t i = 0; i < kPendingTraceRequests + 1; ++i) host_.send(request);
+  ticks(10);
+  EXPECT_EQ(endpoint_->counters().frames_refused, 2u);
+  EXPECT_EQ(endpoint_->counters().last_status, Status::command_refused);
+}
+
+TEST_F(EndpointTest, ModelIsTakenAndReported) {
+  ticks(50);
+  host_.send(test::square_model(12, 40, {0, 0, -0.002f}));
+  ticks(20);
+  const auto reports = host_.take<palpate_ModelReport_1_0>();
+  ASSERT_EQ(reports.size(), 1u);
+  EXPECT_EQ(reports[0].sequence, 12u);
+  EXPECT_EQ(reports[0].status, 0);
+  EXPECT_EQ(reports[0].model_tick, 40u);
+  EXPECT_GE(reports[0].swap_tick, 50u);
+  EXPECT_EQ(renderer_->model_sequence(), 12u);
+  EXPECT_EQ(status().models_taken, 1u);
+}
+
+TEST_F(EndpointTest, BadModelsAreRefusedCountedReportedAndHarmless) {
+  ticks(50);
+  host_.send(test::square_model(1, 49, {0, 0, -0.002f}));
+  ticks(20);
+  ASSERT_EQ(renderer_->model_sequence(), 1u);
+  host_.take<palpate_ModelReport_1_0>();
+
+  const auto expect_refused = [&](const palpate_LocalModel_1_0& message, Status expected) {
+    const std::uint32_t refused = endpoint_->counters().models_refused;
+    host_.send(message);
+    ticks(20);
+    const auto reports = host_.take<palpate_ModelReport_1_0>();
+    ASSERT_EQ(reports.size(), 1u);
+    EXPECT_EQ(reports[0].status, static_cast<std::uint8_t>(expected));
+    EXPECT_EQ(reports[0].sequence, 2u);
+    EXPECT_EQ(endpoint_->counters().models_refused, refused + 1);
+    EXPECT_EQ(endpoint_->counters().last_status, expected);
+    EXPECT_EQ(renderer_->model_sequence(), 1u);
+  };
+  const auto model = [&] { return test::square_model(2, timing_.tick - 1, {0, 0, -0.002f}); };
+  auto message = model();
+  message.state_q.elements[3] = NAN;
+  expect_refused(message, Status::model_not_finite);
+  message = model();
+  message.schema_hash ^= 1;
+  expect_refused(message, Status::schema_mismatch);
+  message = model();
+  message.corner.elements[2] = 200;
+  expect_refused(message, Status::model_inconsistent);
+  message = model();
+  message.tick += 1000;
+  expect_refused(message, Status::model_from_future);
+  ticks(2 * kTipHistory);
+  message = model();
+  message.tick -= kTipHistory + 10;
+  expect_refused(message, Status::model_too_old);
+}
+
+TEST_F(EndpointTest, CorruptFramesAreCountedAndCostOnlyThemselves) {
+  ticks(limits_.boot_ticks);
+  auto bad = HostPeer::frame(wire::request_specifier(wire::kGetInfoService), 1, {});
+  bad[8] ^= 0x10;
+  host_.send_bytes(bad);
+  (void)ask<palpate_GetInfo_Response_1_0>(palpate_GetInfo_Request_1_0{});
+  const auto after = status();
+  EXPECT_EQ(after.frames_refused, 1u);
+  EXPECT_EQ(after.frames_received, 1u);
+  EXPECT_NE(after.last_status, 0);
+}
+
+TEST_F(EndpointTest, UnknownPortsAndShortPayloadsAreRefused) {
+  host_.send_bytes(HostPeer::frame(wire::message_specifier(1234), 0, {}));
+  ticks(2);
+  EXPECT_EQ(endpoint_->counters().last_status, Status::port_unknown);
+  host_.send_bytes(HostPeer::frame(wire::request_specifier(wire::kCommandService), 0, {}));
+  ticks(2);
+  EXPECT_EQ(endpoint_->counters().last_status, Status::payload_malformed);
+  EXPECT_EQ(endpoint_->counters().frames_refused, 2u);
+}
+
+TEST_F(EndpointTest, FramesForOthersAreNoBusinessOfOurs) {
+  std::vector<std::uint8_t> frame(64);
+  frame.resize(wire::encode_frame({.source = wire::kHostNode,
+                                   .destination = 7,
+                                   .specifier = wire::request_specifier(wire::kGetInfoService)},
+                                  {}, frame));
+  host_.send_bytes(frame);
+  ticks(2);
+  EXPECT_TRUE(host_.take<palpate_GetInfo_Response_1_0>().empty());
+  EXPECT_EQ(endpoint_->counters().frames_refused, 0u);
+}
+
+TEST_F(EndpointTest, CountsTheHostsLostTransfers) {
+  host_.send(palpate_GetInfo_Request_1_0{});
+  host_.transfer_id += 3;
+  host_.send(palpate_GetInfo_Request_1_0{});
+  ticks(2);
+  EXPECT_EQ(status().frames_lost, 3u);
+}
+
+// Nobody takes the bytes: frames are dropped whole, and those that come out later are good.
+TEST_F(EndpointTest, AFullTransmitRingDropsWholeFramesAndCountsThem) {
+  for (int i = 0; i < 1000; ++i) tick();
+  const std::uint32_t unsent = endpoint_->counters().frames_unsent;
+  EXPECT_GT(unsent, 100u);
+  host_.pump();  // asserts that every frame is good
+  EXPECT_GT(host_.received.size(), 10u);
+  ticks(40);
+  EXPECT_EQ(endpoint_->counters().frames_unsent, unsent);
+  EXPECT_EQ(status().frames_unsent, unsent);
+}
+
+TEST_F(EndpointTest, SurvivesNoise) {
+  std::mt19937 random(5);
+  std::uniform_int_distribution<int> byte(0, 255);
+  for (int i = 0; i < 500; ++i) {
+    std::vector<std::uint8_t> noise(2000);
+    for (auto& value : noise) value = static_cast<std::uint8_t>(byte(random));
+    host_.send_bytes(noise);
+    ticks(1);
+  }
+  host_.send_bytes(std::vector<std::uint8_t>{0});
+  ticks(2);
+  EXPECT_GT(status().frames_refused, 1000u);
+  (void)ask<palpate_GetInfo_Response_1_0>(palpate_GetInfo_Request_1_0{});
+}
+
+}  // namespace
+}  // namespace palpate::firmware
