@@ -44,17 +44,21 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
 
     Raises SceneError, hil.BoardError, or what the core raises.
     """
-    scene.require_path()
+    path = scene.require_path()
     board = hil.BOARDS[scene.sections.board.name]
     given = scene.to_dict()
+    if scene.sections.reference.enabled:
+        # One tick of it now: a step that is not stable is refused before the run, not after it.
+        with _naming(scene, "reference"):
+            core.reference(given, np.array([0.0, _TICK_S]), path.position_m[[0, 0]], lambda done, total: True)
     started_s = time.monotonic()
-    with progress(f"closed loop on {board.name}", "tick") as bar, _naming(scene):
+    with progress(f"closed loop on {board.name}", "tick") as bar, _naming(scene, "integrator"):
         results, console = hil.run_closed_loop(core, given, board, bar)
     wall_clock_s = {"run_s": round(time.monotonic() - started_s, 3)}
     counters = {name: results.pop(name) for name in record_layout.RUN_COUNTERS}
     if scene.sections.reference.enabled:
         started_s = time.monotonic()
-        with progress("reference", "tick") as bar, _naming(scene):
+        with progress("reference", "tick") as bar, _naming(scene, "reference"):
             time_s = np.asarray(results["ticks/tick"], dtype=np.float64) * _TICK_S
             tip_m = np.asarray(results["ticks/tip_m"], dtype=np.float64)
             results.update(core.reference(given, time_s, tip_m, bar))
@@ -94,7 +98,7 @@ def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outco
     Raises SceneError, or what the core raises.
     """
     started_s = time.monotonic()
-    with progress("simulation", "tick") as bar, _naming(scene):
+    with progress("simulation", "tick") as bar, _naming(scene, "integrator"):
         results = core.simulate(scene.to_dict(), bar)
     wall_clock_s = {"simulate_s": round(time.monotonic() - started_s, 3)}
     values = record.conform(record_layout.SIMULATE, results)
@@ -130,17 +134,21 @@ def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outco
 
 
 class _naming:
-    """Puts the scene's file in front of the core's complaint about the scene."""
+    """Puts the scene's file in front of the core's complaint about the scene; the core does not know which section
+    it has its step from."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, step_section: str) -> None:
         self._file = scene.file
+        self._step_section = step_section
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, ValueError) and not isinstance(error, SceneError):
-            raise SceneError(f"{self._file}: {' '.join(str(error).split())}") from None
+            message = " ".join(str(error).split())
+            section = f"{self._step_section}." if message.startswith("step_s ") else ""
+            raise SceneError(f"{self._file}: {section}{message}") from None
 
 
 class _Output:

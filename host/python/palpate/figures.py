@@ -23,7 +23,8 @@ from palpate.record_layout import CONTACT_MODES
 Array = NDArray[Any]
 
 _MODE_COLOURS = ("#f2f2f2", "#a8d5a2", "#f6c177")  # free, stick, slip
-_NORMAL, _TANGENTIAL, _CONE, _ERROR, _AGE = "#1f5fa8", "#b3261e", "#6b6b6b", "#7a1fa2", "#3a3a3a"
+_NORMAL, _TANGENTIAL, _NORMAL_LIGHT, _TANGENTIAL_LIGHT = "#17508f", "#a3201a", "#9cc3ea", "#f0aaa5"
+_CONE, _ERROR, _AGE = "#6b6b6b", "#7a1fa2", "#3a3a3a"
 # Light where nothing moves, so that the mesh stays visible; lightness falls steadily, so that it also prints in grey.
 _DEFORMATION = LinearSegmentedColormap.from_list(
     "deformation", ["#cfd6dc", "#8fbcdc", "#3f86bd", "#28529c", "#4b1566", "#2a0632"]
@@ -105,27 +106,31 @@ def _draw_forces(
     pressing_N, tangential_N = split_force(rendered.force_N, normal)
     static, kinetic = friction
     if static > 0.0:
-        label = (
-            rf"friction cone: {static:g} $f_n$"
-            if static == kinetic
-            else rf"friction cones: {static:g} $f_n$ (static), {kinetic:g} $f_n$ (kinetic)"
-        )
-        axes.fill_between(time_s, 0.0, static * pressing_N, color=_CONE, alpha=0.10, linewidth=0)
-        axes.plot(time_s, static * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (4, 2)), label=label)
-        if kinetic != static:
-            axes.plot(time_s, kinetic * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (1, 1.5)))
-    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=1.3, label=rf"normal $f_n$, {rendered_name}")
-    axes.plot(
-        time_s, tangential_N, color=_TANGENTIAL, linewidth=1.3, label=rf"tangential $|f_t|$, {rendered_name}"
-    )
-    if reference is not None:
-        pressing_N, tangential_N = split_force(reference.force_N, normal)
-        style: dict[str, Any] = {"color": "black", "linewidth": 0.8}
-        axes.plot(time_s, pressing_N, linestyle="-.", label=r"$f_n$, full body", **style)
-        axes.plot(time_s, tangential_N, linestyle=":", label=r"$|f_t|$, full body", **style)
+        _draw_cone(axes, time_s, pressing_N, static, kinetic)
+    lengths_N = [np.linalg.norm(rendered.force_N, axis=1)]
+    if reference is not None:  # broad and light, below the rendered forces: where they agree both are seen
+        normal_N, tangent_N = split_force(reference.force_N, normal)
+        axes.plot(time_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=r"$f_n$, full body")
+        axes.plot(time_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=r"$|f_t|$, full body")
+        lengths_N.append(np.linalg.norm(reference.force_N, axis=1))
+    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=0.8, label=rf"normal $f_n$, {rendered_name}")
+    label = rf"tangential $|f_t|$, {rendered_name}"
+    axes.plot(time_s, tangential_N, color=_TANGENTIAL, linewidth=0.8, label=label)
+    # A wide friction cone may leave the picture: the forces must not shrink for it.
+    largest_N = max(1e-3, *(float(length_N.max()) for length_N in lengths_N))
+    axes.set_ylim(-0.03 * largest_N, 1.1 * largest_N)
     axes.set_ylabel("force of the tip [N]")
     axes.grid(alpha=0.25)
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+
+def _draw_cone(axes: Axes, time_s: Array, pressing_N: Array, static: float, kinetic: float) -> None:
+    label = rf"friction cone: {static:g} $f_n$"
+    if static != kinetic:
+        label = rf"friction cones: {static:g} $f_n$ (static), {kinetic:g} $f_n$ (kinetic)"
+        axes.plot(time_s, kinetic * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (1, 1.5)))
+    axes.fill_between(time_s, 0.0, static * pressing_N, color=_CONE, alpha=0.10, linewidth=0)
+    axes.plot(time_s, static * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (4, 2)), label=label)
 
 
 def _draw_modes(
@@ -203,7 +208,7 @@ def save_body(
     _draw_section(section, body, displacement_mm, norm, tip_m, tip_radius_m, path_m)
     colours = matplotlib.cm.ScalarMappable(norm=norm, cmap=_DEFORMATION)
     figure.colorbar(colours, ax=section, label="displacement of the nodes [mm]", shrink=0.8)
-    figure.savefig(file)
+    figure.savefig(file, bbox_inches="tight", pad_inches=0.15)
 
 
 def _draw_surface(
@@ -346,7 +351,7 @@ def _draw_section(
     axes.autoscale_view()
     axes.margins(0.05)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", fontsize=8)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=8, frameon=False)
 
 
 def _pairs(grid: Array) -> Sequence[tuple[int, int]]:

@@ -66,7 +66,7 @@ class Scene:
         Defaults that follow from other keys are filled in; indices and vectors of a sheet get their y. `path` is None
         or {interpolation, time_s (n,), position_m (n, 3)}.
         """
-        values = asdict(self.sections)
+        values: dict[str, Any] = _with_lists(asdict(self.sections))
         values["duration_ticks"] = self.duration_ticks
         values["body"] = _body_dict(self.sections.body, self.damping_N_s_m)
         static, kinetic = self.friction
@@ -83,6 +83,13 @@ class Scene:
             "position_m": path.position_m,
         }
         return values
+
+
+def _with_lists(value: Any) -> Any:
+    """The same with every tuple as a list."""
+    if isinstance(value, dict):
+        return {name: _with_lists(item) for name, item in value.items()}
+    return [_with_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:

@@ -45,8 +45,8 @@ def run_closed_loop(
 def reference(scene: dict[str, Any], time_s: Any, tip_m: Any, progress: Progress) -> dict[str, Any]:
     """Made-up results."""
     progress(len(time_s), len(time_s))
-    values, _ = run_values(ticks=len(time_s))
-    return {path: array for path, array in values.items() if path.startswith("reference/")}
+    values, _ = run_values(ticks=TICKS)
+    return {path: array[: len(time_s)] for path, array in values.items() if path.startswith("reference/")}
 
 
 def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:

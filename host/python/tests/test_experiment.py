@@ -100,14 +100,14 @@ class Refusing:
 
     @staticmethod
     def simulate(scene: dict[str, Any], progress: object) -> dict[str, Any]:
-        raise ValueError("integrator.step_s is 0.001,\nallowed: at most 0.00025")
+        raise ValueError("step_s = 0.001: must be in\n(0, 0.00025] s")
 
 
 def test_what_the_core_refuses_is_bad_input_of_the_scene(tmp_path: Path) -> None:
     scene = scene_from(tmp_path, SCENE)
     with pytest.raises(SceneError) as caught:
         experiment.simulate(Refusing, scene, tmp_path / "out", silent)
-    assert str(caught.value) == f"{scene.file}: integrator.step_s is 0.001, allowed: at most 0.00025"
+    assert str(caught.value) == f"{scene.file}: integrator.step_s = 0.001: must be in (0, 0.00025] s"
     assert not (tmp_path / "out").exists()
 
 

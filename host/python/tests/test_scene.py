@@ -86,6 +86,17 @@ def test_a_sheet_gets_its_third_axis(load: Load) -> None:
     assert given["initial_displacements_m"] == [[0.1, 0.0, 0.2]]
 
 
+def holds_tuples(value: object) -> bool:
+    if isinstance(value, dict):
+        return any(map(holds_tuples, value.values()))
+    return isinstance(value, tuple) or (isinstance(value, list) and any(map(holds_tuples, value)))
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "scenes").glob("*.toml")), ids=lambda file: file.stem)
+def test_the_core_gets_lists(file: Path) -> None:
+    assert not holds_tuples(load_scene(file).to_dict())
+
+
 def test_friction_and_damping_can_be_given_apart(load: Load) -> None:
     text = body("damping_N_s_m = 0.2").replace(
         "friction = 0.5", "static_friction = 0.9\nkinetic_friction = 0.4"
