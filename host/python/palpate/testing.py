@@ -95,8 +95,15 @@ def count_ctest(file: Path, cases: Path) -> Count:
         count += inner
         if status == "fail" and not inner.failures:
             count.failures.append(name)
-        elif status in ("notrun", "disabled"):
-            count.skips.append(f"{name}: {status} by ctest")
+        elif status == "notrun":  # a test that skips itself, or one that cannot be started
+            skipped = test.find("skipped")
+            reason = "" if skipped is None else skipped.get("message", "")
+            if reason.startswith("SKIP_"):
+                count.skips.append(f"{name}: {reason}")
+            else:
+                count.failures.append(f"{name}: {reason or 'did not run'}")
+        elif status == "disabled":
+            count.skips.append(f"{name}: disabled in CMake")
         elif status == "run" and not own.exists():
             count.passed += 1
     return count
@@ -165,26 +172,18 @@ def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
     shutil.rmtree(cases, ignore_errors=True)
     summary.unlink(missing_ok=True)
     cases.mkdir(parents=True)
-    _run(
-        [
-            *launcher,
-            "ctest",
-            "--test-dir",
-            str(folder),
-            "-j",
-            jobs,
-            "--output-on-failure",
-            "--timeout",
-            "300",
-            "--output-junit",
-            str(summary),
-        ],
+    command = ["ctest", "--test-dir", str(folder), "-j", jobs, "--output-on-failure", "--timeout", "300"]
+    succeeded = _run(
+        [*launcher, *command, "--output-junit", str(summary)],
         log,
         {**_SANITIZERS, "GTEST_OUTPUT": f"xml:{cases}/"},
     )
     if not summary.exists():
         return Count(failures=[f"{preset}: ctest"])
-    return count_ctest(summary, cases)
+    count = count_ctest(summary, cases)
+    if not succeeded and not count.failures:
+        count.failures.append(f"{preset}: ctest")
+    return count
 
 
 def run_pytest(quick: bool, log: IO[str]) -> Count:

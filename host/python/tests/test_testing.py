@@ -65,10 +65,14 @@ def test_a_program_that_crashes_or_leaks_is_a_failure(tmp_path: Path) -> None:
 
 
 def test_what_ctest_does_not_run_is_told(tmp_path: Path) -> None:
-    assert ctest(tmp_path, off="disabled", gone="notrun").skips == [
-        "off: disabled by ctest",
-        "gone: notrun by ctest",
-    ]
+    (tmp_path / "ctest.xml").write_text(
+        '<testsuite><testcase name="off" status="disabled"/>'
+        '<testcase name="later" status="notrun"><skipped message="SKIP_RETURN_CODE=77"/></testcase>'
+        '<testcase name="gone" status="notrun"><skipped message="Unable to find executable"/></testcase></testsuite>'
+    )
+    count = count_ctest(tmp_path / "ctest.xml", tmp_path)
+    assert count.skips == ["off: disabled in CMake", "later: SKIP_RETURN_CODE=77"]
+    assert count.failures == ["gone: Unable to find executable"]
 
 
 def passing(log: IO[str]) -> Count:
