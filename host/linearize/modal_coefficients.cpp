@@ -19,8 +19,8 @@ namespace {
 Eigen::Matrix3d exponential_minus_identity(Eigen::Matrix3d g) {
   constexpr double kTaylorNorm = 0.25;  // 0.25^12 / 13! is below rounding
   constexpr int kTaylorOrder = 12;
-  int halvings = 0;
-  for (double norm = g.cwiseAbs().rowwise().sum().maxCoeff(); norm > kTaylorNorm; norm *= 0.5) ++halvings;
+  const double norm = g.cwiseAbs().rowwise().sum().maxCoeff();
+  const int halvings = norm > kTaylorNorm ? std::ilogb(norm / kTaylorNorm) + 1 : 0;
   g *= std::ldexp(1.0, -halvings);
   Eigen::Matrix3d result = g / kTaylorOrder;  // Horner: g (I + g/2 (I + g/3 (...)))
   for (int k = kTaylorOrder - 1; k >= 1; --k) result = ((g + g * result) / k).eval();

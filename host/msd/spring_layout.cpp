@@ -34,7 +34,7 @@ SpringLayout make_spring_layout(const Body& body) {
     const bool parallel =
         std::adjacent_find(springs.begin(), springs.end(),
                            [](const Spring& a, const Spring& b) { return a.i == b.i; }) != springs.end();
-    const auto places = static_cast<std::size_t>(springs.back().i - springs.front().i + 1);
+    const auto places = static_cast<std::size_t>(springs.back().i - springs.front().i) + 1;
     if (parallel || springs.size() < kShortestBand ||
         static_cast<double>(springs.size()) < kSmallestFill * static_cast<double>(places)) {
       layout.loose.insert(layout.loose.end(), springs.begin(), springs.end());

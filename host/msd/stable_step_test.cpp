@@ -18,7 +18,7 @@ bool blows_up(const Body& body, double step_s) {
   BodyState state = test::random_state(body, 7, 0.0, kStart_m_s);
   ForceEvaluator evaluator(body);
   Eigen::Matrix3Xd force_N;
-  for (int step = 0; step < 3000; ++step) {
+  for (int step = 0; step < 2000; ++step) {
     evaluator.evaluate(state, force_N);
     for (int node = 0; node < body.node_count(); ++node) {
       if (body.fixed(node)) continue;

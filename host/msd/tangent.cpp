@@ -59,7 +59,9 @@ Tangent tangent(const Body& body, const BodyState& state) {
     }
   }
   const int dofs = body.dof_count();
-  Tangent result{Eigen::SparseMatrix<double>(dofs, dofs), Eigen::SparseMatrix<double>(dofs, dofs)};
+  Tangent result;
+  result.df_dx_N_m.resize(dofs, dofs);
+  result.df_dv_N_s_m.resize(dofs, dofs);
   result.df_dx_N_m.setFromTriplets(by_x.begin(), by_x.end());
   result.df_dv_N_s_m.setFromTriplets(by_v.begin(), by_v.end());
   return result;
