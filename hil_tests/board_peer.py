@@ -6,6 +6,7 @@ Frames are those of boards/lockstep/exchange.hpp; link frames are Cyphal/serial 
 import contextlib
 import os
 import pathlib
+import re
 import select
 import struct
 import subprocess
@@ -14,6 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg
+import serial
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 BUILD_HOST = REPOSITORY / os.environ.get("PALPATE_BUILD_HOST", "build/host")
@@ -27,19 +30,19 @@ EXIT_SHUTDOWN, EXIT_USAGE, EXIT_NO_CHANNEL, EXIT_PEER_CLOSED, EXIT_PROTOCOL_ERRO
 LINK_BYTES_PER_TICK = 2048
 _SENSOR_MAGIC, _ACTUATOR_MAGIC = 0x314E5350, 0x31434150
 _SENSOR = struct.Struct("<II3i3fII")
-_ACTUATOR_FIELDS = np.dtype([
+ACTUATOR_FRAME = np.dtype([
     ("magic", "<u4"), ("tick", "<u4"), ("next_tick", "<u4"), ("setpoint_A", "<f4", 3), ("enabled", "<u4"),
     ("tip_m", "<f4", 3), ("force_N", "<f4", 3), ("contact_mode", "<u4"), ("triangle", "<u4"),
     ("barycentric", "<f4", 3), ("mode", "<u4"), ("faults", "<u4"), ("model_sequence", "<u4"),
     ("model_age_ticks", "<u4"), ("catch_up_ticks", "<u4"), ("missed_deadlines", "<u4"), ("background_overruns", "<u4"),
     ("tick_count", "<u4"), ("busy_count", "<u4"), ("clock_Hz", "<u4"), ("link_length", "<u4"),
     ("link", "u1", LINK_BYTES_PER_TICK)])
-assert _SENSOR.size == 40 and _ACTUATOR_FIELDS.itemsize == 116 + LINK_BYTES_PER_TICK
+assert _SENSOR.size == 40 and ACTUATOR_FRAME.itemsize == 116 + LINK_BYTES_PER_TICK
 
 # shared/status.hpp and palpate.BoardStatus
-OK, PAYLOAD_CRC_MISMATCH, PORT_UNKNOWN, COMMAND_REFUSED, TOKEN_WRONG = 0, 6, 16, 48, 49
+OK, PORT_UNKNOWN, SCHEMA_MISMATCH, TOKEN_WRONG = 0, 16, 18, 49
 MODE_BOOT, MODE_IDLE, MODE_CALIBRATE, MODE_RENDER, MODE_FAULT = range(5)
-FAULT_EMERGENCY_STOP, FAULT_STOP_COMMAND, FAULT_ENCODER_JUMP, FAULT_DEADLINE = 1, 2, 8, 256
+FAULT_EMERGENCY_STOP, FAULT_STOP_COMMAND, FAULT_ENCODER_JUMP = 1, 2, 8
 # palpate.Command
 ARM_REQUEST, ARM_CONFIRM, DISARM, CALIBRATE, CLEAR_FAULT, STOP = range(1, 7)
 
@@ -121,10 +124,12 @@ class LinkFrame:
 
 
 class LinkReader:
-    """Bytes from the board in, frames out; every frame must be good."""
+    """Bytes from the board in, frames out; every frame must be good. Not synchronized: all but the first, of which only
+    the end may have arrived."""
 
-    def __init__(self) -> None:
+    def __init__(self, synchronized: bool = True) -> None:
         self._buffer = bytearray()
+        self._synchronized = synchronized
 
     def feed(self, data: bytes) -> list[LinkFrame]:
         self._buffer += data
@@ -132,8 +137,9 @@ class LinkReader:
         while (end := self._buffer.find(0)) >= 0:
             raw = LinkCodec.cobs_decode(bytes(self._buffer[:end]))
             del self._buffer[:end + 1]
-            if raw:
+            if raw and self._synchronized:
                 frames.append(self._parse(raw))
+            self._synchronized = True
         return frames
 
     @staticmethod
@@ -191,6 +197,42 @@ def parse_trace(payload: bytes) -> tuple[int, int, np.ndarray]:
     return sequence, first_tick, np.frombuffer(payload, SERVO_SAMPLE, count, 9)
 
 
+def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, height_m: float = -0.002) -> bytes:
+    """palpate.LocalModel of a soft flat square of 16 nodes that moves as one body: 4 cm wide, below the reference pose.
+
+    Its three modes, one an axis, have 10 g, 400 N/m and 2 N s/m; with `copies` each is split into that many equal ones,
+    which changes nothing but the work (3 * copies modes).
+    """
+    mass_kg, stiffness_N_m, damping_N_s_m = 0.01, 400.0, 2.0
+    nodes, modes = 16, 3 * copies
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.02, 0.02, 4)] * 2, indexing="xy"), -1).reshape(-1, 2)
+    position_m = np.column_stack([grid, np.zeros(nodes)])
+    corners = [corner for row in range(3) for column in range(3) for n in [4 * row + column]
+               for corner in (n, n + 1, n + 5, n, n + 5, n + 4)]
+    # One step of q'' = -(k q + d q')/m + u, exactly: matrix exponential with the input as a third, constant state.
+    exponential = scipy.linalg.expm(1e-3 * np.array(
+        [[0, 1, 0], [-stiffness_N_m / mass_kg, -damping_N_s_m / mass_kg, 1], [0, 0, 0]]))
+    step = exponential - np.eye(3)
+    coefficient = np.tile([step[0, 0], step[0, 1], step[1, 0], step[1, 1], step[0, 2], step[1, 2]], modes)
+    basis = np.zeros((nodes, 3, copies, 3), int)
+    for axis in range(3):
+        basis[:, axis, :, axis] = 32767
+    scale = 1 / np.sqrt(mass_kg * copies) / 32767
+
+    def array(prefix: str, kind: str, values) -> bytes:
+        values = np.asarray(values, kind).ravel()
+        return struct.pack(prefix, len(values)) + values.tobytes()
+
+    rest = np.zeros(modes)
+    return b"".join([
+        struct.pack("<IQIHHBB3f3f", sequence, schema_hash, tick, 1000, modes, nodes, len(corners) // 3,
+                    0, 0, height_m, 0, 0.5, 0.4),
+        bytes(4 + 12 + 12),  # no contact
+        array("<B", "<f4", position_m), array("<B", "<u2", np.arange(len(corners) // 3)), array("<H", "u1", corners),
+        array("<H", "<f4", coefficient), array("<B", "<f4", rest), array("<B", "<f4", rest), array("<B", "<f4", rest),
+        array("<B", "<f4", np.full(modes, scale)), array("<H", "<i2", basis)])
+
+
 @dataclass
 class Lockstep:
     """A running board, tick by tick."""
@@ -213,14 +255,14 @@ class Lockstep:
         """The next ActuatorFrame; None at the end of the stream."""
         data = b""
         deadline = time.monotonic() + _WATCHDOG_S
-        while len(data) < _ACTUATOR_FIELDS.itemsize:
+        while len(data) < ACTUATOR_FRAME.itemsize:
             if not select.select([self.actuator_fd], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 raise TimeoutError("the board does not answer")
-            part = os.read(self.actuator_fd, _ACTUATOR_FIELDS.itemsize - len(data))
+            part = os.read(self.actuator_fd, ACTUATOR_FRAME.itemsize - len(data))
             if not part:
                 return None
             data += part
-        frame = np.frombuffer(data, _ACTUATOR_FIELDS, 1)[0]
+        frame = np.frombuffer(data, ACTUATOR_FRAME, 1)[0]
         assert frame["magic"] == _ACTUATOR_MAGIC
         self.sent += data
         self.next_tick = int(frame["next_tick"])
@@ -238,6 +280,11 @@ class Lockstep:
         for _ in range(ticks):
             frame = self.tick(**inputs)
         return frame
+
+    def hang_up(self) -> None:
+        """Closes the sensor stream; the descriptor stays ours."""
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), self.sensor_fd)
 
     def take(self, port: int) -> list[LinkFrame]:
         """Frames received so far on a subject or service; forgets them."""
@@ -258,12 +305,14 @@ class Lockstep:
         return frame, self.process.wait(_WATCHDOG_S)
 
 
-def qemu_command(*arguments: str, semihosting: str = "", icount: str = "shift=3,sleep=off") -> list[str]:
-    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none",
-            *arguments, "-semihosting-config", "enable=on,target=native" + semihosting, "-kernel", str(MPS2_IMAGE)]
+def qemu_command(*arguments: str, icount: str = "shift=3,sleep=off", program_arguments: str = "") -> list[str]:
+    """QEMU with the firmware; 8 ns an instruction. The first serial line of `arguments` is the console, the second the
+    link's UART."""
+    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none", *arguments,
+            "-semihosting-config", "enable=on,target=native" + program_arguments, "-kernel", str(MPS2_IMAGE)]
 
 
-def board_command(board: str) -> list[str]:
+def lockstep_command(board: str) -> list[str]:
     """Starts a board in lock-step; the FIFOs act.fifo and sen.fifo are in the working directory."""
     if board == "native":
         return [str(NATIVE_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
@@ -283,19 +332,65 @@ def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int
 
 @contextlib.contextmanager
 def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
-    """Runs a board ("native" or "mps2") in `folder`, which must be empty."""
+    """Runs a board ("native" or "mps2") in `folder`, which must not hold the files of another run."""
+    folder.mkdir(exist_ok=True)
     for name in ("act.fifo", "sen.fifo"):
         os.mkfifo(folder / name)
-    process = subprocess.Popen(board_command(board), cwd=folder, stdin=subprocess.DEVNULL)
+    with contextlib.ExitStack() as stack:
+        process = stack.enter_context(_running(lockstep_command(board), folder))
+        descriptors = []
+        for name, flags in (("act.fifo", os.O_RDONLY), ("sen.fifo", os.O_WRONLY)):
+            descriptors.append(_open_fifo(process, folder / name, flags))
+            stack.callback(os.close, descriptors[-1])
+            os.set_blocking(descriptors[-1], True)
+        yield Lockstep(process, *descriptors)
+
+
+@contextlib.contextmanager
+def _running(command: list[str], folder: pathlib.Path, **options) -> Iterator[subprocess.Popen]:
+    process = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, **options)
     try:
-        actuator_fd = _open_fifo(process, folder / "act.fifo", os.O_RDONLY)
-        sensor_fd = _open_fifo(process, folder / "sen.fifo", os.O_WRONLY)
-        os.set_blocking(actuator_fd, True)
-        os.set_blocking(sensor_fd, True)
-        yield Lockstep(process, actuator_fd, sensor_fd)
+        yield process
     finally:
         process.kill()
         process.wait()
-        for descriptor in ("actuator_fd", "sensor_fd"):
-            if descriptor in locals():
-                os.close(locals()[descriptor])
+
+
+class SerialHost:
+    """A host on a real serial line; waits for what it expects, up to the watchdog."""
+
+    def __init__(self, port: serial.Serial):
+        self.port = port
+        self._reader = LinkReader(synchronized=False)
+        self._frames: list[LinkFrame] = []
+
+    def wait_for(self, port: int, accept=lambda frame: True) -> LinkFrame:
+        """The next frame on a subject or service that `accept` takes; others on that port are dropped."""
+        deadline = time.monotonic() + _WATCHDOG_S
+        while time.monotonic() < deadline:
+            while self._frames:
+                frame = self._frames.pop(0)
+                if frame.port == port and accept(frame):
+                    return frame
+            self._frames += self._reader.feed(self.port.read(self.port.in_waiting or 1))
+        raise TimeoutError(f"nothing on port {port}")
+
+
+@contextlib.contextmanager
+def on_serial_line(board: str, folder: pathlib.Path) -> Iterator[SerialHost]:
+    """Runs a board in real time without a plant, its link on a pseudo-terminal."""
+    if board == "native":
+        command, pattern = [str(NATIVE_IMAGE), "--pty"], r"^(\S+)$"
+    else:
+        command = qemu_command("-serial", "file:console.txt", "-serial", "pty", icount="shift=3,sleep=on",
+                               program_arguments=",arg=uart")
+        pattern = r"redirected to (\S+) \(label serial1\)"
+    with _running(command, folder, stdout=subprocess.PIPE, text=True) as process:
+        match = None
+        while match is None:
+            line = process.stdout.readline()  # ends when the process does
+            assert line, "the board does not name its terminal"
+            match = re.search(pattern, line)
+        # The speed is the line's business: a pseudo-terminal has none.
+        with serial.Serial(match[1], 115200, timeout=0.1) as port:
+            yield SerialHost(port)

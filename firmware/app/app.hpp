@@ -36,7 +36,7 @@ class App {
   // Interrupt context, top priority, every millisecond.
   void isr_tick();
 
-  // Background context: true when a servo tick has passed since the last background().
+  // Any context: true when a servo tick has passed since the last background().
   [[nodiscard]] bool background_due() const {
     return ticks_run_.load(std::memory_order_acquire) != ticks_handled_.load(std::memory_order_relaxed);
   }

@@ -57,37 +57,48 @@ struct Command {
   std::uint32_t token = 0;  // only with arm_confirm
 };
 
-// Limits of the supervisor. Defaults are for a PHANTOM 1.5-class arm; the reason stands beside each.
+// Limits of the supervisor. Defaults are for a PHANTOM 1.5-class arm (shared/device/parameters.hpp);
+// docs/safety.md lists them with what happens at each.
 struct Limits {
-  std::uint32_t boot_ticks = 20;  // encoder and current readings have settled
-  // Arming.
-  std::uint32_t arming_window_ticks = 1000;  // palpate.Command: a forgotten challenge does not stay open
-  std::uint32_t soft_start_ticks =
-      100;  // a hand reacts in about 150 ms: the force must not step when armed in contact
-  // Force, of the tip on the body.
-  float peak_force_N = 8.5f;  // the device's peak force, SensAble data sheet: more is heat
-  float force_step_N =
-      1.0f;  // largest change per tick; 8.5 N in 9 ms, well above stick-slip jumps of 0.5 N (§5)
-  float force_fault_N = 100.0f;  // 12 times the peak: no hand presses so; a diverging model passes it at once
-  // Local model: within its horizon it is rendered, then its force fades to zero.
-  std::uint32_t model_horizon_ticks =
-      1000;  // whatever the model says: the hybrid model is within 1.5 % for a second
-  std::uint32_t model_fade_ticks = 200;  // slow enough to feel as a weakening, not as a drop
-  // Motion.
-  float joint_step_rad = 0.05f;  // per tick: 50 rad/s, 10 m/s at the tip; a lost or spurious quadrature state
-  float tip_speed_m_s =
-      2.5f;  // released at full force the arm reaches 2 m/s within 2 cm; a hand stays below 1.5
-  std::uint32_t calibration_ticks = 100;      // rest before a calibration counts
-  std::int32_t calibration_motion_count = 1;  // per joint during that time: flicker of one count is rest
-  // Currents.
-  std::array<float, 3> motor_current_A{7.0f, 7.0f,
-                                       7.0f};  // set-points; 8.5 N at the reference pose take 6.97 A
-  float over_current_ratio = 1.5f;             // measured to set-point limit: overshoot of the amplifier
-  std::uint32_t over_current_ticks = 5;        // for as long without a break
-  // Deadlines: a bucket that each missed deadline fills and each tick in time drains by one.
+  // Encoder and current readings have settled after reset.
+  std::uint32_t boot_ticks = 20;
+  // A forgotten challenge of arming does not stay open (palpate.Command).
+  std::uint32_t arming_window_ticks = 1000;
+  // A hand needs some 150 ms to react: the force must not step when the tip is in contact at arming.
+  std::uint32_t soft_start_ticks = 100;
+
+  // Peak force of the device.
+  float peak_force_N = 8.5f;
+  // Largest change per tick: 8.5 N in 9 ms. The reference body, 318 N/m stiff, asks for 0.03 N at 0.1 m/s.
+  float force_step_N = 1.0f;
+  // Twelve times the peak: no hand presses so hard; a model that diverges passes it at once.
+  float force_fault_N = 100.0f;
+
+  // Upper bound of a local model's horizon, whatever it claims itself: a second of a lost link.
+  std::uint32_t model_horizon_ticks = 1000;
+  // Beyond the horizon its force fades to zero: slowly enough to feel as weakening, not as a drop.
+  std::uint32_t model_fade_ticks = 200;
+
+  // Per tick: 50 rad/s, 10 m/s at the tip. No hand does that; a broken encoder or cable does.
+  float joint_step_rad = 0.05f;
+  // At peak force the arm alone (0.03 to 0.08 kg) reaches it within 1 to 3 cm; strokes of a hand stay
+  // below 1.5.
+  float tip_speed_m_s = 2.5f;
+  // Rest before a calibration counts; flicker of one count on a joint is rest.
+  std::uint32_t calibration_ticks = 100;
+  std::int32_t calibration_motion_count = 1;
+
+  // Set-points. 8.5 N at the reference pose take 6.97 A.
+  std::array<float, 3> motor_current_A{7.0f, 7.0f, 7.0f};
+  // Measured current, relative to the above and for as many ticks in a row: overshoot of the amplifier is
+  // less.
+  float over_current_ratio = 1.5f;
+  std::uint32_t over_current_ticks = 5;
+
+  // A bucket that each missed deadline fills and each tick drains by one. It runs over at the sixth missed
+  // within half a second: by then the force belongs to where the tip was.
   std::uint32_t missed_deadline_weight = 100;
-  std::uint32_t missed_deadline_bucket =
-      500;  // over 5 missed within half a second: force and motion are out of step
+  std::uint32_t missed_deadline_bucket = 500;
 };
 
 // Supervisor state; one writer, the servo interrupt. Everything about time is an age, so states can be
