@@ -10,12 +10,11 @@
 
 namespace palpate::host {
 
-// Evaluates all nodal forces of a body. Holds scratch memory: one object per thread. The body must outlive
-// it.
+// Evaluates all nodal forces of a body. Holds scratch memory (one object per thread) and no reference to the
+// body.
 class ForceEvaluator {
  public:
   explicit ForceEvaluator(const Body& body);
-  ForceEvaluator(Body&&) = delete;
 
   // force_N (3 x nodes, device frame): springs, dampers and weight on every node. Fixed nodes get theirs as
   // well; it is what their support must hold. Coincident nodes exert no force on each other (spring.hpp).

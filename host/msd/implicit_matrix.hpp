@@ -12,8 +12,7 @@ namespace palpate::host {
 
 // A = M + g D + g^2 K about a state, with K = -df/dX and D = -df/dV (tangent.hpp) except that the part of the
 // dampers that is not symmetric is left out; Newton's residual is exact, so this costs iterations and not
-// accuracy. Rows and columns of fixed nodes (and of y for planar bodies) are those of the identity. The body
-// must outlive it.
+// accuracy. Products are zero on fixed nodes (and along y for planar bodies). Holds no reference to the body.
 class ImplicitMatrix {
  public:
   explicit ImplicitMatrix(const Body& body);

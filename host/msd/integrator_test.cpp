@@ -52,7 +52,7 @@ struct Case {
 };
 
 TEST(Integrators, ConvergeWithTheirOrder) {
-  constexpr double kOrderTolerance = 0.15;  // the next term of the error is still visible at these steps
+  constexpr double kOrderTolerance = 0.1;  // the next term of the error is still visible at these steps
   LatticeSpec spec = test::reference_spec(3, 0.2);
   spec.gravity_m_s2.z = -9.81;
   const Body body = make_lattice(spec);
