@@ -57,8 +57,7 @@ struct BodyDescription {
   std::optional<LatticeShape> lattice;
 };
 
-// An immutable body. Safe to share between threads; forces, tangents and integrators refer to it and must not
-// outlive it.
+// An immutable body. Safe to share between threads. Integrators refer to it and must not outlive it.
 class Body {
  public:
   // Throws std::invalid_argument, naming the entry, for sizes that do not match, masses or stiffnesses that
