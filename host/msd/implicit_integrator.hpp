@@ -4,8 +4,7 @@
 //   R(V) = M (V - V*) - g (f(X* + g V, V) + external) = 0,   X = X* + g V.
 // Newton's matrix M + g D + g^2 K (implicit_matrix.hpp) is solved by conjugate gradients.
 // - euler: one stage, gamma = 1, X* = X, V* = V. Order 1, L-stable, damps what the step does not resolve.
-// - sdirk2: Alexander's L-stable, stiffly accurate method (SIAM J. Numer. Anal. 14, 1977, 1006-1021), order
-// 2:
+// - sdirk2: Alexander's L-stable, stiffly accurate method of order 2 (SIAM J. Numer. Anal. 14, 1977, 1006),
 //   gamma = 1 - 1/sqrt(2); the second stage starts from X + (1 - gamma) h V1, V + (1 - gamma) h A1, with A1
 //   the acceleration of the first stage, and its end is the step's. That start is an extrapolation: a load
 //   that moves a node by a cell within one step can turn springs inside out and leave the body in an inverted
