@@ -116,8 +116,7 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
   const bool may_arm = state.mode == Mode::idle && always == 0 && rendering == 0 && state.position_trusted;
   switch (in.command.action) {
     case Action::nothing:
-      return Status::ok;
-    case Action::stop:  // already among the conditions, which latched it
+    case Action::stop:  // already among the conditions
       return Status::ok;
     case Action::disarm:
       if (state.mode == Mode::render) enter(state, Mode::idle);
