@@ -106,9 +106,6 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     slot.state.q[i] = m.state_q.elements[i];
     slot.state.p[i] = m.state_p.elements[i];
   }
-  const Status checked = check(slot.view, slot.state);
-  if (checked != Status::ok) return checked;
-
   slot.law = {m.static_friction, m.kinetic_friction, m.tip_radius_m};
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
@@ -129,6 +126,8 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
 }
 
 Status Renderer::start(Slot& slot) {
+  const Status checked = check(slot.view, slot.state);
+  if (checked != Status::ok) return checked;
   const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
   if (static_cast<std::int32_t>(slot.tick - newest) > 0) return Status::model_from_future;
   ServoSample at_model_tick{};
@@ -158,14 +157,12 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
     finish_shadow(Status::model_superseded, 0);
   }
   Slot& slot = slots_[1u - active_.load(std::memory_order_acquire)];
-  Status status = load(slot, payload);
-  if (status == Status::ok) status = start(slot);
+  const Status status = load(slot, payload);
   if (status != Status::ok) {
     report = {slot.message.sequence, status, slot.message.tick, 0};
     return status;
   }
-  shadow_ = Shadow::catching_up;
-  shadow_tick_.store(slot.tick, std::memory_order_relaxed);
+  shadow_ = Shadow::decoded;
   return Status::ok;
 }
 
@@ -179,20 +176,35 @@ bool Renderer::catch_up(ModelReport& report) {
       finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
     }
   }
-  if (shadow_ == Shadow::catching_up) {
+  if (shadow_ == Shadow::decoded) {
+    shadow_ = Shadow::loaded;
+  } else if (shadow_ == Shadow::loaded) {
+    Slot& slot = slots_[1u - active_.load(std::memory_order_acquire)];
+    const Status status = start(slot);
+    if (status == Status::ok) {
+      shadow_ = Shadow::catching_up;
+      shadow_tick_.store(slot.tick, std::memory_order_relaxed);
+    } else {
+      finish_shadow(status, 0);
+    }
+  } else if (shadow_ == Shadow::catching_up) {
     const std::uint32_t index = 1u - active_.load(std::memory_order_acquire);
     Slot& slot = slots_[index];
     const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
-    for (std::uint32_t work = 0; work < kCatchUpWork && slot.tick != newest;) {
+    // Stops where one more step, as costly as the costliest so far, would go over the budget.
+    std::uint32_t work = 0, costliest = 0;
+    while (slot.tick != newest && work + costliest <= kCatchUpWork) {
       ServoSample past{};
       if (!sample(slot.tick + 1, past)) {
         finish_shadow(Status::model_too_old, 0);
         break;
       }
-      const std::uint32_t before = slot.surface.evaluations();
+      const std::uint32_t before = slot.surface.work();
       step(slot, past.tip_m);
       ++slot.tick;
-      work += 1 + slot.surface.evaluations() - before;
+      const std::uint32_t cost = slot.surface.work() - before;
+      work += cost;
+      if (cost > costliest) costliest = cost;
     }
     if (shadow_ == Shadow::catching_up) {
       shadow_tick_.store(slot.tick, std::memory_order_relaxed);

@@ -24,10 +24,10 @@ namespace palpate::firmware {
 
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
 inline constexpr std::uint32_t kTipHistory = 256;
-// Background work per servo tick while a model catches up, in surface-node evaluations (about 2,000
-// instructions each at 96 modes; a step of the modes counts as one). Fixed, so that every board catches up in
-// the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 24;
+// Background work per servo tick while a model catches up, in the units of ModalSurface::work() (about 1,000
+// instructions): one replayed tick takes 8 to 25, one with a collision up to 60. Fixed, so that every board
+// catches up in the same number of ticks.
+inline constexpr std::uint32_t kCatchUpWork = 64;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
 struct ServoSample {
@@ -88,7 +88,8 @@ class Renderer {
     std::uint32_t sequence = 0;
     std::uint32_t valid_ticks = 0;
   };
-  enum class Shadow : std::uint8_t { empty, catching_up, offered };
+  // Decoding, checking and replaying take a servo tick's background each: together they would not fit in one.
+  enum class Shadow : std::uint8_t { empty, decoded, loaded, catching_up, offered };
 
   static void step(Slot& slot, const Vec3f& tip_m);
   Status load(Slot& slot, std::span<const std::uint8_t> payload);

@@ -34,6 +34,7 @@ class BodySurface {
   [[nodiscard]] Vec3d position(std::uint32_t node) const;
   [[nodiscard]] Vec3d position_before(std::uint32_t node) const;
   void prepare(std::uint32_t) {}
+  void note_clearance(double) {}
   [[nodiscard]] Vec3d normal_before(std::uint32_t triangle, const Vec3d& barycentric) const;
   void advance();
   [[nodiscard]] PointResponse<double> respond(std::uint32_t triangle, const Vec3d& barycentric) const;

@@ -4,6 +4,7 @@
 // "Contact".
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <cstdint>
@@ -39,8 +40,10 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
   // Cheap test: could a tip of this radius that moves from the first to the second point touch the surface?
   // May say yes too often.
   { s.is_near(v, v, radius) } -> std::same_as<bool>;
+  // The tip has ended the newest step this far outside: it cannot touch again before it has come closer.
+  {s.note_clearance(radius)};
   // Could triangle `i` be within reach of the same motion? May say yes too often.
-  { c.may_touch(i, v, v, radius) } -> std::same_as<bool>;
+  { s.may_touch(i, v, v, radius) } -> std::same_as<bool>;
   // Readies `normal_before` and `position_before` of a triangle for the step to come; is_near does so for
   // all.
   {s.prepare(i)};
@@ -100,6 +103,13 @@ SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point,
              : s == 0 ? surface.position_before(corner[c])
                       : lerp(surface.position_before(corner[c]), surface.position(corner[c]), s);
     }
+    // The triangle lies in a ball about its first corner: most are ruled out by that.
+    const Vec3<Real> ab = x[1] - x[0], ac = x[2] - x[0], ap = point - x[0];
+    if (any) {
+      const Real size_squared = std::max(dot(ab, ab), dot(ac, ac));
+      const Real to_ball = std::sqrt(dot(ap, ap)) - std::sqrt(size_squared);
+      if (to_ball > 0 && to_ball * to_ball >= best_squared) continue;
+    }
     const auto nearest = closest_point(point, x[0], x[1], x[2]);
     const Vec3<Real> offset = point - nearest.position;
     const Real squared = dot(offset, offset);
@@ -108,7 +118,7 @@ SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point,
     best_squared = squared;
     best.triangle = t;
     best.barycentric = nearest.barycentric;
-    const Real side = dot(offset, cross(x[1] - x[0], x[2] - x[0]));
+    const Real side = dot(offset, cross(ab, ac));
     best.distance_m = side < 0 ? -std::sqrt(squared) : std::sqrt(squared);
   }
   best.found = any && !on_border(surface, best.triangle, best.barycentric);
@@ -125,18 +135,23 @@ bool find_collision(Surface& surface, ContactState<Real>& state, Real radius_m, 
     if (!state.outside) return false;
   }
   auto hit = closest_on_surface(surface, to, Real(1), from, to, radius_m);
-  if (!hit.found || hit.distance_m >= radius_m) return false;
+  if (!hit.found || hit.distance_m >= radius_m) {
+    if (hit.found) surface.note_clearance(hit.distance_m - radius_m);
+    return false;
+  }
+  // When did the tip pass the plane of the triangle that it is behind now? Both move in straight lines.
+  const auto corner = surface.corners(hit.triangle);
   Real low = 0, high = 1;
   for (int i = 0; i < kCollisionBisections; ++i) {
     const Real middle = (low + high) * Real(0.5);
-    const auto there = closest_on_surface(surface, lerp(from, to, middle), middle, from, to, radius_m);
-    if (there.found && there.distance_m < radius_m) {
-      high = middle;
-      hit = there;
-    } else {
-      low = middle;
-    }
+    Vec3<Real> x[3];
+    for (std::uint32_t c = 0; c < 3; ++c)
+      x[c] = lerp(surface.position_before(corner[c]), surface.position(corner[c]), middle);
+    const Vec3<Real> normal = normalized(cross(x[1] - x[0], x[2] - x[0]));
+    (dot(lerp(from, to, middle) - x[0], normal) < radius_m ? high : low) = middle;
   }
+  const auto there = closest_on_surface(surface, lerp(from, to, high), high, from, to, radius_m);
+  if (there.found) hit = there;
   state.triangle = hit.triangle;
   state.barycentric = hit.barycentric;
   return true;

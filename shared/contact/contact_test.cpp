@@ -45,6 +45,7 @@ class Bed {
   Vec3d position(std::uint32_t n) { return now_[n]; }
   Vec3d position_before(std::uint32_t n) { return before_[n]; }
   void prepare(std::uint32_t) {}
+  void note_clearance(double) {}
   Vec3d normal_before(std::uint32_t t, const Vec3d& barycentric) const {
     const auto vertex_normal = [&](std::uint32_t node) {
       Vec3d sum{};

@@ -17,7 +17,7 @@ namespace palpate::python {
 namespace {
 
 Vec3d vector(const nb::dict& table, const char* key) {
-  const auto values = nb::cast<std::vector<double>>(nb::list(table[key]));
+  const auto values = nb::cast<std::vector<double>>(table[key]);
   if (values.size() != 3) throw std::invalid_argument(std::string(key) + ": must be three numbers");
   return {values[0], values[1], values[2]};
 }
@@ -42,7 +42,7 @@ std::vector<link::Fault> faults(const nb::dict& table, const char* drop, const c
   std::vector<link::Fault> faults;
   for (const std::uint32_t frame : whole_list(table, drop))
     faults.push_back({frame, link::FaultKind::drop, 0});
-  for (const nb::handle entry : nb::list(table[flip])) {
+  for (const nb::handle entry : nb::object(table[flip])) {
     const auto fields = nb::cast<nb::dict>(entry);
     faults.push_back({whole(fields, "frame"), link::FaultKind::flip_bit, whole(fields, "bit")});
   }
@@ -61,14 +61,14 @@ std::uint32_t whole(const nb::dict& table, const char* key) {
   return nb::cast<std::uint32_t>(table[key]);
 }
 std::vector<std::uint32_t> whole_list(const nb::dict& table, const char* key) {
-  return nb::cast<std::vector<std::uint32_t>>(nb::list(table[key]));
+  return nb::cast<std::vector<std::uint32_t>>(table[key]);
 }
 
 host::Body read_body(const nb::dict& scene) {
   const nb::dict body = table(scene, "body");
   host::LatticeSpec spec;
   spec.dimension = nb::cast<int>(body["dimension"]);
-  spec.nodes = nb::cast<std::array<int, 3>>(nb::list(body["nodes"]));
+  spec.nodes = nb::cast<std::array<int, 3>>(body["nodes"]);
   spec.spacing_m = number(body, "spacing_m");
   spec.origin_m = vector(body, "origin_m");
   spec.mass_kg = number(body, "mass_kg");
@@ -79,7 +79,7 @@ host::Body read_body(const nb::dict& scene) {
   spec.neighbours = choice<Neighbours>(
       text(body, "neighbours"), "body.neighbours",
       {{"axis", Neighbours::axis}, {"edge", Neighbours::edge}, {"full", Neighbours::full}});
-  for (const auto& face : nb::cast<std::vector<std::string>>(nb::list(body["fixed_faces"])))
+  for (const auto& face : nb::cast<std::vector<std::string>>(body["fixed_faces"]))
     spec.fixed_faces.push_back(choice<Face>(face, "body.fixed_faces",
                                             {{"x-", Face::x_minus},
                                              {"x+", Face::x_plus},
@@ -136,7 +136,7 @@ plant::PlantParameters read_plant(const nb::dict& scene) {
   plant.hand.damping_N_s_m = number(hand, "damping_N_s_m");
   plant.hand.grip_stiffness_N_m = number(hand, "grip_stiffness_N_m");
   plant.hand.grip_damping_N_s_m = number(hand, "grip_damping_N_s_m");
-  plant.encoder_reference = nb::cast<std::array<std::int32_t, 3>>(nb::list(device["encoder_reference"]));
+  plant.encoder_reference = nb::cast<std::array<std::int32_t, 3>>(device["encoder_reference"]);
   plant.amplifiers.bandwidth_Hz = number(device, "amplifier_bandwidth_Hz");
   plant.amplifiers.peak_A = number(device, "amplifier_peak_A");
   plant.amplifiers.offset_A = vector(device, "amplifier_offset_A");
@@ -151,10 +151,10 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene) {
   config.session.law = read_contact(scene);
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
-  const auto patch = nb::cast<std::array<int, 3>>(nb::list(model["patch_nodes"]));
+  const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
   config.session.patch = {patch[0], patch[1], patch[2]};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
-  for (const nb::handle entry : nb::list(table(scene, "hand")["grip_changes"])) {
+  for (const nb::handle entry : nb::object(table(scene, "hand")["grip_changes"])) {
     const auto change = nb::cast<nb::dict>(entry);
     config.grip_changes.push_back(
         {static_cast<std::uint32_t>(std::lround(number(change, "time_s") / kTick_s)),
