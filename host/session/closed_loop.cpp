@@ -22,6 +22,10 @@ namespace {
 
 constexpr std::uint32_t kTicksPerReport = 10;
 
+void require(bool good, const char* what) {
+  if (!good) throw std::runtime_error(std::string("board: ") + what);
+}
+
 bool contains(const std::vector<std::uint32_t>& ticks, std::uint32_t tick) {
   return std::find(ticks.begin(), ticks.end(), tick) != ticks.end();
 }
@@ -118,8 +122,9 @@ class Host {
 
   void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
   void take(const palpate_BoardStatus_1_0& status) {
+    require(status.schema_hash == wire::kSchemaHash,
+            "it was built from other message definitions than the host: build both from the same version");
     arming_.take(status);
-    board_refused_ = status.frames_refused;
     board_lost_ = status.frames_lost;
   }
   void take(const palpate_ModelReport_1_0& report) {
@@ -144,12 +149,8 @@ class Host {
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
   ClosedLoopResult result_;
   double peak_N_ = 0.0;
-  std::uint32_t board_refused_ = 0, board_lost_ = 0;  // as the board counts
+  std::uint32_t board_lost_ = 0;  // as the board counts
 };
-
-void require(bool good, const char* what) {
-  if (!good) throw std::runtime_error(std::string("board: ") + what);
-}
 
 }  // namespace
 
