@@ -85,9 +85,9 @@ class Host {
     if (const auto found = row.find(result_.peak_tick); found != row.end())
       result_.tip_at_peak_m = recorded[found->second].true_tip_m;
     const link::EndpointCounters counters = endpoint_.counters();
-    result_.counters.frames_lost_up =
-        counters.frames_refused + counters.frames_lost + counters.payloads_malformed;
-    result_.counters.frames_lost_down = board_refused_ + board_lost_;
+    // A frame that is refused for its CRC leaves a gap in the transfer identifiers too: the gaps count both.
+    result_.counters.frames_lost_up = counters.frames_lost + counters.payloads_malformed;
+    result_.counters.frames_lost_down = board_lost_;
     result_.ticks = std::move(recorded);
     return std::move(result_);
   }
