@@ -308,8 +308,8 @@ class Lockstep:
 def qemu_command(*arguments: str, icount: str = "shift=3,sleep=off", program_arguments: str = "") -> list[str]:
     """QEMU with the firmware; 8 ns an instruction. The first serial line of `arguments` is the console, the second the
     link's UART."""
-    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none", *arguments,
-            "-semihosting-config", "enable=on,target=native" + program_arguments, "-kernel", str(MPS2_IMAGE)]
+    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none",
+            *arguments, "-semihosting-config", "enable=on,target=native" + program_arguments, "-kernel", str(MPS2_IMAGE)]
 
 
 def lockstep_command(board: str) -> list[str]:

@@ -47,14 +47,17 @@ def test_a_function_without_call_graph_fails(objects):
 
 def graph(tmp_path, stacks: dict, calls: list[tuple[str, str]], names_of_address=None) -> CallGraph:
     file = tmp_path / os.urandom(4).hex()
-    lines = [f'node: {{ title: "{name}" label: "void {name}()\\n/a.cpp:1:1\\n{stack}" }}' for name, stack in stacks.items()]
-    lines += [f'edge: {{ sourcename: "{source}" targetname: "{target}" label: "/a.cpp:2:2" }}' for source, target in calls]
+    lines = [f'node: {{ title: "{name}" label: "void {name}()\\n/a.cpp:1:1\\n{stack}" }}'
+             for name, stack in stacks.items()]
+    lines += [f'edge: {{ sourcename: "{source}" targetname: "{target}" label: "/a.cpp:2:2" }}'
+              for source, target in calls]
     file.write_text("\n".join(lines))
     return CallGraph([file], names_of_address or {})
 
 
 def test_the_deepest_path_counts(tmp_path):
-    one = graph(tmp_path, {"a": "8 bytes (static)", "b": "100 bytes (static)", "/x.cpp:c": "16 bytes (dynamic,bounded)"},
+    one = graph(tmp_path,
+                {"a": "8 bytes (static)", "b": "100 bytes (static)", "/x.cpp:c": "16 bytes (dynamic,bounded)"},
                 [("a", "b"), ("a", "/x.cpp:c"), ("/x.cpp:c", "memcpy")])
     assert one.deepest("a") == 108
     assert one.deepest("c") == 16 + LIBRARY_STACK_BYTES

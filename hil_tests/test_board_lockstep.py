@@ -178,12 +178,13 @@ def test_a_processor_fault_ends_with_outputs_off(board):
 
 
 def scripted_run(board: str, folder: pathlib.Path) -> np.ndarray:
-    """Arms, sends a model and other frames, good and bad, presses into the body and drags; returns every ActuatorFrame."""
+    """Arms, sends a model and other frames, good and bad, presses into the body and drags. Returns every frame."""
     random = np.random.default_rng(3)
     with lockstep(board, folder) as running:
         arm(running)
         info = BoardInfo.parse(running.answer(LinkCodec.request(LinkCodec.GET_INFO, 5), LinkCodec.GET_INFO).payload)
-        pending = LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, square_model(9, running.next_tick - 1, info.schema_hash, 8))
+        model = square_model(9, running.next_tick - 1, info.schema_hash, copies=8)
+        pending = LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, model)
         for i in range(500):
             if i % 50 == 10:
                 pending += LinkCodec.request(LinkCodec.GET_INFO, 100 + i)
@@ -209,9 +210,11 @@ def test_two_runs_give_the_same_bytes(board, tmp_path):
 def test_an_old_model_goes_on_when_a_corrupt_one_comes(board):
     arm(board)
     info = BoardInfo.parse(board.answer(LinkCodec.request(LinkCodec.GET_INFO, 5), LinkCodec.GET_INFO).payload)
-    board.tick(link=LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, square_model(9, board.next_tick - 1, info.schema_hash)))
+    good = square_model(9, board.next_tick - 1, info.schema_hash)
+    board.tick(link=LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, good))
     assert board.run(10)["model_sequence"] == 9
-    corrupt = bytearray(LinkCodec.encode(LinkCodec.LOCAL_MODEL, 1, square_model(10, board.next_tick - 1, info.schema_hash)))
+    better = square_model(10, board.next_tick - 1, info.schema_hash)
+    corrupt = bytearray(LinkCodec.encode(LinkCodec.LOCAL_MODEL, 1, better))
     corrupt[300] ^= 1
     board.tick(link=bytes(corrupt))
     other = square_model(11, board.next_tick - 1, info.schema_hash ^ 1)

@@ -9,8 +9,9 @@ function(palpate_bare_metal_link target script)
   set_property(TARGET ${target} APPEND PROPERTY LINK_DEPENDS ${script})
 endfunction()
 
-# palpate_check_image(TARGET FLASH bytes RAM bytes CONTEXTS function... OBJECTS target...): after linking, compares the image with the
-# part's memory and its deepest stack with the reservation (check_image.py); the build fails above either.
+# palpate_check_image(TARGET FLASH bytes RAM bytes CONTEXTS function... OBJECTS target...): after linking, compares the
+# image with the part's memory and its deepest stack with the reservation (check_image.py); the build fails above either.
+# OBJECTS are all targets whose code the image may contain.
 function(palpate_check_image target)
   cmake_parse_arguments(arg "" "FLASH;RAM" "CONTEXTS;OBJECTS" ${ARGN})
   set(_script ${PROJECT_SOURCE_DIR}/boards/cmake/check_image.py)

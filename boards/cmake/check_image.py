@@ -24,7 +24,9 @@ CONSTRUCTOR_PREFIX = "_GLOBAL__sub_I_"
 FLASH_SECTIONS = (".text", ".ARM.exidx", ".data")
 RAM_SECTIONS = (".stack", ".data", ".bss", ".noinit")
 NO_MEMORY_OF_THE_PART = (".exchange",)
-FORBIDDEN_SYMBOLS = re.compile(r"^(_?malloc(_r)?|_?free(_r)?|_?calloc(_r)?|_?realloc(_r)?|_sbrk(_r)?|_Zn[wa].*|_Zd[la].*|__cxa_.*)$")
+NO_MEMORY = (".debug", ".comment", ".ARM.attributes")
+# Heap, operator new and delete, exceptions and guards.
+FORBIDDEN_SYMBOLS = re.compile(r"^(_?(malloc|free|calloc|realloc|sbrk)(_r)?|_Zn[wa].*|_Zd[la].*|__cxa_.*)$")
 
 NODE = re.compile(r'^node: \{ title: "(?P<title>[^"]+)" label: "(?P<label>(?:[^"\\]|\\.)*)"')
 EDGE = re.compile(r'^edge: \{ sourcename: "(?P<source>[^"]+)" targetname: "(?P<target>[^"]+)"')
@@ -109,7 +111,7 @@ def main() -> int:
     for line in output_of(tool_prefix + "size", "-A", "-d", str(arguments.image)):
         words = line.split()
         # Sections without an address take no memory.
-        if len(words) == 3 and words[0].startswith(".") and not words[0].startswith((".debug", ".comment", ".ARM.attr")):
+        if len(words) == 3 and words[0].startswith(".") and not words[0].startswith(NO_MEMORY):
             sizes[words[0]] = int(words[1])
     problems = [f"section {name} ({size} bytes) is in no budget" for name, size in sizes.items()
                 if name not in FLASH_SECTIONS + RAM_SECTIONS + NO_MEMORY_OF_THE_PART]

@@ -6,13 +6,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <limits>
 #include <random>
-#include <set>
 #include <string>
-#include <tuple>
 #include <vector>
 
 namespace palpate::firmware {
@@ -541,140 +538,6 @@ TEST(Currents, NotFiniteIsZeroAndSaysSo) {
       EXPECT_EQ(result.setpoint_A, (std::array<float, 3>{}));
     }
   }
-}
-
-// ------------------------------------------------------------------------------------------------ all states
-
-// Walks through every state that is reachable with small limits, under every command together with every
-// condition, and checks what must hold in all of them.
-class AllStates : public ::testing::Test {
- protected:
-  static Limits small_limits() {
-    Limits limits;
-    limits.boot_ticks = 2;
-    limits.arming_window_ticks = 3;
-    limits.soft_start_ticks = 2;
-    limits.force_step_N = 8.5f;
-    limits.model_fade_ticks = 2;
-    limits.calibration_ticks = 2;
-    limits.over_current_ticks = 2;
-    limits.missed_deadline_weight = 2;
-    limits.missed_deadline_bucket = 3;
-    return limits;
-  }
-
-  static std::vector<SupervisorInputs> situations(const Limits& limits) {
-    SupervisorInputs quiet;
-    quiet.tick = 5;
-    quiet.force_N = {0.0f, 0.0f, 20.0f};
-    quiet.model_sequence = 1;
-    quiet.model_valid_ticks = 10;
-    std::vector<SupervisorInputs> all{quiet};
-    const auto add = [&](auto&& change) {
-      all.push_back(quiet);
-      change(all.back());
-    };
-    add([](auto& in) { in.emergency_stop_open = true; });
-    add([](auto& in) { in.joint_step_rad = 1.0f; });
-    add([](auto& in) { in.tip_speed_m_s = 100.0f; });
-    add([](auto& in) { in.inside_workspace = false; });
-    add([](auto& in) { in.at_rest = false; });
-    add([](auto& in) { in.force_N.x = kNan; });
-    add([](auto& in) { in.force_N.x = 1e6f; });
-    add([](auto& in) { in.missed_deadlines = 1; });
-    add([](auto& in) { in.elapsed_ticks = 4; });
-    add([](auto& in) { in.model_sequence = 0; });
-    add([](auto& in) { in.model_age_ticks = 11; });
-    add([&](auto& in) { in.measured_current_A[0] = 10.0f * limits.motor_current_A[0]; });
-    return all;
-  }
-
-  // Ages beyond all limits make no difference: this keeps the number of states finite.
-  static SupervisorState reduced(SupervisorState state) {
-    constexpr std::uint32_t kOld = 8;
-    state.mode_age_ticks = std::min(state.mode_age_ticks, kOld);
-    state.token_age_ticks = std::min(state.token_age_ticks, kOld);
-    state.over_current_ticks = std::min(state.over_current_ticks, kOld);
-    return state;
-  }
-
-  struct Before {
-    static auto key(const SupervisorState& s) {
-      return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
-                             s.over_current_ticks, s.missed_deadline_level, s.position_trusted, s.force_N.x,
-                             s.force_N.y, s.force_N.z);
-    }
-    bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
-  };
-};
-
-TEST_F(AllStates, KeepTheRules) {
-  const Limits limits = small_limits();
-  const std::vector<SupervisorInputs> inputs = situations(limits);
-  std::set<SupervisorState, Before> seen{SupervisorState{}};
-  std::deque<SupervisorState> open{SupervisorState{}};
-  std::size_t edges = 0;
-  std::array<bool, 5> mode_seen{};
-  while (!open.empty()) {
-    const SupervisorState state = open.front();
-    open.pop_front();
-    mode_seen[static_cast<std::size_t>(state.mode)] = true;
-    for (SupervisorInputs in : inputs) {
-      for (std::uint8_t number = 0; number <= 8; ++number) {
-        // 7 is no action; 8 stands for a confirmation with another token.
-        const bool wrong_token = number == 8;
-        const Action action = wrong_token ? Action::arm_confirm : static_cast<Action>(number);
-        in.command = {action, wrong_token ? state.token + 1 : state.token};
-        const Decision decision = supervise(state, in, limits, kSeed);
-        const SupervisorState& next = decision.state;
-        ++edges;
-
-        ASSERT_EQ(decision.outputs_on, next.mode == Mode::render);
-        ASSERT_EQ(next.faults != 0, next.mode == Mode::fault);
-        if (!decision.outputs_on) {
-          ASSERT_EQ(next.force_N, Vec3f{});
-        }
-        ASSERT_TRUE(is_finite(next.force_N));
-        ASSERT_LE(norm(next.force_N), limits.peak_force_N + kForceRounding_N);
-        // One door: outputs come on by a confirmation with the open token in idle, within its window.
-        if (decision.outputs_on && state.mode != Mode::render) {
-          ASSERT_TRUE(state.mode == Mode::idle || state.mode == Mode::calibrate || state.mode == Mode::boot);
-          ASSERT_EQ(action, Action::arm_confirm);
-          ASSERT_FALSE(wrong_token);
-          ASSERT_NE(state.token, 0u);
-          ASSERT_LE(state.token_age_ticks + in.elapsed_ticks, limits.arming_window_ticks);
-          ASSERT_TRUE(state.position_trusted);
-          ASSERT_EQ(next.force_N, Vec3f{});
-        }
-        // Tokens are open in idle only.
-        ASSERT_TRUE(next.token == 0 || next.mode == Mode::idle);
-        // Latched: faults only grow, unless they are cleared.
-        if (state.mode == Mode::fault && action != Action::clear_fault) {
-          ASSERT_EQ(next.mode, Mode::fault);
-          ASSERT_EQ(next.faults & state.faults, state.faults);
-        }
-        if (action == Action::stop || in.emergency_stop_open || !is_finite(in.force_N)) {
-          ASSERT_EQ(next.mode, Mode::fault);
-        }
-        if (state.mode == Mode::fault && next.mode != Mode::fault) {
-          ASSERT_EQ(next.mode, Mode::idle);
-          ASSERT_EQ(next.faults, 0);
-        }
-        if (next.mode == Mode::boot) {
-          ASSERT_EQ(state.mode, Mode::boot);
-        }
-        if (decision.calibration_ends) {
-          ASSERT_EQ(state.mode, Mode::calibrate);
-        }
-        const SupervisorState key = reduced(next);
-        if (seen.insert(key).second) open.push_back(key);
-      }
-    }
-  }
-  for (const bool mode : mode_seen) EXPECT_TRUE(mode);
-  RecordProperty("states", static_cast<int>(seen.size()));
-  RecordProperty("edges", static_cast<int>(edges));
-  EXPECT_GT(seen.size(), 100u);  // the walk has not stopped at the door
 }
 
 }  // namespace
