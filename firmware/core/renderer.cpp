@@ -33,7 +33,7 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
   sample.tip_m = tip_m;
 
   std::uint32_t offer = offered_.load(std::memory_order_acquire);
-  if (offer != 0 && slots_[offer - 1].tick + 1 == tick &&
+  if (offer != 0 && shadow_tick_.load(std::memory_order_relaxed) + 1 == tick &&
       offered_.compare_exchange_strong(offer, 0, std::memory_order_acq_rel)) {
     swap_tick_.store(tick, std::memory_order_relaxed);
     have_model_.store(true, std::memory_order_relaxed);

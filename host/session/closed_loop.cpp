@@ -182,7 +182,6 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   std::vector<LoopTick> recorded;
   recorded.reserve(config.ticks);
   std::size_t next_grip = 0;
-  std::uint32_t missed_deadlines = 0;
 
   std::uint32_t tick = 0;
   while (tick < config.ticks) {
@@ -215,9 +214,8 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     require(row.board.magic == lockstep::kActuatorMagic && row.board.tick == tick &&
                 row.board.link_length <= row.board.link.size(),
             "its actuator frame has a wrong magic number, tick or length");
-    // Of m deadlines missed in a row, m - 1 ticks are lost (firmware/core/deadline_monitor.hpp).
-    const std::uint32_t elapsed = std::max(1u, row.board.missed_deadlines - missed_deadlines);
-    missed_deadlines = row.board.missed_deadlines;
+    require(row.board.next_tick > tick, "its next tick is not after the present one");
+    const std::uint32_t elapsed = row.board.next_tick - tick;  // more than 1 where deadlines were missed
 
     (void)up.submit(faults_up.apply(std::span(row.board.link).first(row.board.link_length)), tick);
     plant.advance(row.board.setpoint_A, row.board.enabled != 0, elapsed * kTick_s);
