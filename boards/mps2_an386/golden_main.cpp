@@ -1,0 +1,46 @@
+// The golden trace (shared/golden) on QEMU's mps2-an386: prints its hashes on UART0 as shared/golden/main.cpp
+// does, and ends QEMU.
+#include <cstdint>
+#include <string_view>
+
+#include "boards/lockstep/exchange.hpp"
+#include "boards/mps2_an386/console.hpp"
+#include "boards/mps2_an386/semihosting.hpp"
+#include "shared/golden/golden_trace.hpp"
+
+namespace {
+
+palpate::golden::GoldenTrace trace;
+
+void print_line(std::string_view name, std::uint64_t hash) {
+  palpate::board::print(name);
+  palpate::board::print_hex(static_cast<std::uint32_t>(hash >> 32));
+  palpate::board::print_hex(static_cast<std::uint32_t>(hash));
+  palpate::board::print("\n");
+}
+
+}  // namespace
+
+extern "C" {
+
+// Start-up's vectors name these; no interrupt is enabled here, so that any of them is an error.
+[[noreturn]] void hard_fault_handler() {
+  palpate::board::semihosting::exit(static_cast<int>(palpate::lockstep::ExitCode::processor_fault));
+}
+void timer0_handler() {
+  hard_fault_handler();
+}
+void uart1_receive_handler() {
+  hard_fault_handler();
+}
+
+[[noreturn]] void run_firmware() {
+  palpate::board::console_begin();
+  const palpate::golden::Result result = trace.run();
+  print_line("model ", result.model_hash);
+  print_line("device ", result.device_hash);
+  print_line("math ", result.math_hash);
+  palpate::board::semihosting::exit(0);
+}
+
+}  // extern "C"

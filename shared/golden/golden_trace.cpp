@@ -1,0 +1,256 @@
+#include "shared/golden/golden_trace.hpp"
+
+#include <bit>
+#include <cmath>
+
+#include "shared/contact/contact.hpp"
+#include "shared/device/actuation.hpp"
+#include "shared/device/arm.hpp"
+#include "shared/device/encoders.hpp"
+#include "shared/math/trig.hpp"
+#include "shared/servo_tick.hpp"
+
+namespace palpate::golden {
+namespace {
+
+// Numerical Recipes' generator (Press et al., 3rd edition, section 7.1.4): integers only.
+class Lcg {
+ public:
+  explicit Lcg(std::uint32_t seed) : state_(seed) {}
+  // Uniform in 0 ... bound - 1.
+  std::int32_t below(std::uint32_t bound) {
+    state_ = state_ * 1664525u + 1013904223u;
+    return static_cast<std::int32_t>((state_ >> 8) % bound);
+  }
+
+ private:
+  std::uint32_t state_;
+};
+
+constexpr float kStep_s = static_cast<float>(kTick_s);
+constexpr float kSpacing_m = 0.01f;
+
+// A movement of the tip's centre in a straight line, with a small circle on top that makes it stick and slip.
+struct Movement {
+  std::uint32_t ticks;
+  Vec3f to_m;
+  float circle_m;  // radius, in the surface's plane; one turn in 125 ticks
+  ContactLaw<float> law;
+};
+
+constexpr float kCircle_rad_per_tick = 0.0502654825f;  // 2 pi / 125
+constexpr Vec3f kStart_m{0.008f, 0.011f, 0.012f};
+constexpr ContactLaw<float> kRough{1.0f, 1.0f, 0.0f}, kUsual{0.4f, 0.3f, 0.0f}, kSlippery{0.0f, 0.0f, 0.0f},
+    kBall{0.5f, 0.5f, 0.003f};
+constexpr Movement kMovements[] = {
+    {300, {0.008f, 0.011f, -0.002f}, 0.0f, kRough},      // touches, presses: sticks
+    {400, {0.010f, 0.012f, -0.002f}, 0.0003f, kRough},   // held with a tremor
+    {900, {0.024f, 0.019f, -0.0015f}, 0.0004f, kUsual},  // dragged: slips, sticks again
+    {300, {0.024f, 0.019f, 0.010f}, 0.0f, kUsual},       // lifted off
+    {300, {0.022f, 0.006f, -0.001f}, 0.0f, kSlippery},   // touches elsewhere
+    {600, {0.005f, 0.024f, -0.001f}, 0.0f, kSlippery},   // without friction, diagonally
+    {400, {0.0f, 0.033f, -0.001f}, 0.0f, kSlippery},     // over the border
+    {200, {0.016f, 0.015f, 0.015f}, 0.0f, kBall},        // away
+    {10, {0.016f, 0.015f, 0.0015f}, 0.0f, kBall},        // a fast hit with a sphere
+    {800, {0.006f, 0.016f, 0.0015f}, 0.0005f, kBall},    // dragged back
+    {200, {0.006f, 0.016f, 0.03f}, 0.0f, kBall},         // far away: the near test says no
+    {100, {0.016f, 0.015f, 0.001f}, 0.0f, kBall},       {100, {0.016f, 0.015f, -0.0005f}, 0.0f, kBall},
+};
+
+void count(Counters& counters, const ContactState<float>& before, const ContactState<float>& after) {
+  const bool was_free = before.mode == ContactMode::free, is_free = after.mode == ContactMode::free;
+  counters.free_ticks += is_free;
+  counters.stick_ticks += after.mode == ContactMode::stick;
+  counters.slip_ticks += after.mode == ContactMode::slip;
+  counters.touches += was_free && !is_free;
+  counters.separations += !was_free && is_free;
+  counters.stick_to_slip += before.mode == ContactMode::stick && after.mode == ContactMode::slip;
+  counters.slip_to_stick += before.mode == ContactMode::slip && after.mode == ContactMode::stick;
+  counters.edge_crossings += !was_free && !is_free && before.triangle != after.triangle;
+  counters.border_ticks += !is_free && after.at_border;
+  const float force_N = norm(after.force_N);
+  if (force_N > counters.largest_force_N) counters.largest_force_N = force_N;
+}
+
+void run_device(Result& result) {
+  constexpr std::uint32_t kPoses = 3000;
+  const device::Parameters& arm = device::kPremium15;
+  const device::EncoderCounts reference{1200, -800, 2147483000};  // the third counter wraps around
+  Lcg random(3);
+  Fnv1a hash;
+  for (std::uint32_t i = 0; i < kPoses; ++i) {
+    // Incommensurate sweeps of the joints through and a little beyond their limits, and encoder noise.
+    const float t = static_cast<float>(i) * 0.01f;
+    const float upper_rad = 0.4f + 1.35f * sin_cos(1.618034f * t).sine;
+    const Vec3f swept_rad{1.25f * sin_cos(t).sine, upper_rad,
+                          upper_rad - 0.1f + 1.1f * sin_cos(2.236068f * t).cosine};
+    device::EncoderCounts counts{};
+    for (std::size_t j = 0; j < 3; ++j) {
+      const auto difference =
+          static_cast<std::uint32_t>(device::encoder_count(arm.joint[j], swept_rad[j]) + random.below(3) - 1);
+      counts[j] = static_cast<std::int32_t>(static_cast<std::uint32_t>(reference[j]) + difference);
+      hash.add(static_cast<std::uint32_t>(counts[j]));
+    }
+    const Vec3f joint_rad = device::joint_angles(arm, counts, reference);
+    const device::Pose pose = device::evaluate(arm, joint_rad);
+    result.counters.pose_faults += pose.faults != 0;
+    hash.add(joint_rad);
+    hash.add(std::uint32_t{pose.faults});
+    hash.add(pose.tip_m);
+    for (const Vec3f& row : pose.jacobian_m.row) hash.add(row);
+    hash.add(pose.gravity_torque_N_m);
+
+    const Vec3f force_N{static_cast<float>(random.below(2001) - 1000) * 0.01f,
+                        static_cast<float>(random.below(2001) - 1000) * 0.01f,
+                        static_cast<float>(random.below(2001) - 1000) * 0.01f};
+    const Vec3f torque_N_m = device::joint_torque(pose, force_N) + pose.gravity_torque_N_m;
+    const device::CurrentSetpoints currents = device::motor_currents(arm, torque_N_m);
+    result.counters.limited_currents += currents.scale < 1.0f;
+    hash.add(torque_N_m);
+    hash.add(currents.current_A);
+    hash.add(currents.scale);
+  }
+  result.device_hash = hash.value();
+}
+
+void run_math(Result& result) {
+  Fnv1a hash;
+  // Beyond the accepted range on both sides.
+  constexpr std::int32_t kAngles = 10100;
+  for (std::int32_t i = -kAngles; i <= kAngles; ++i) {
+    const SinCos both = sin_cos(static_cast<float>(i) * 0.00992f);
+    hash.add(both.sine);
+    hash.add(both.cosine);
+  }
+  result.math_hash = hash.value();
+}
+
+}  // namespace
+
+void Fnv1a::add(std::uint32_t word) {
+  constexpr std::uint64_t kPrime = 1099511628211ull;
+  for (int shift = 0; shift < 32; shift += 8) hash_ = (hash_ ^ ((word >> shift) & 0xffu)) * kPrime;
+}
+
+void Fnv1a::add(float value) {
+  constexpr std::uint32_t kNan = 0x7fc00000u;
+  add(std::isnan(value) ? kNan : std::bit_cast<std::uint32_t>(value));
+}
+
+void Fnv1a::add(const Vec3f& vector) {
+  add(vector.x);
+  add(vector.y);
+  add(vector.z);
+}
+
+// Modes are Walsh functions over the nodes, one set per axis: orthogonal, and made of integers alone. An LCG
+// disturbs rest positions and basis, so that no two numbers are equal by symmetry.
+void GoldenTrace::build_model() {
+  Lcg random(1);
+  for (std::size_t n = 0; n < kNodes; ++n) {
+    position_m_[3 * n] =
+        static_cast<float>(n % kSide) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
+    position_m_[3 * n + 1] =
+        static_cast<float>(n / kSide) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
+    position_m_[3 * n + 2] = static_cast<float>(random.below(1000)) * 1e-6f;
+  }
+  std::size_t t = 0;
+  for (std::size_t j = 0; j + 1 < kSide; ++j) {
+    for (std::size_t i = 0; i + 1 < kSide; ++i) {
+      const std::size_t a = j * kSide + i, b = a + 1, c = b + kSide, d = a + kSide;
+      for (const auto& nodes : {std::array{a, b, c}, std::array{a, c, d}}) {
+        for (std::size_t k = 0; k < 3; ++k) corner_[3 * t + k] = static_cast<std::uint8_t>(nodes[k]);
+        triangle_id_[t] = static_cast<std::uint16_t>(100 + t);
+        ++t;
+      }
+    }
+  }
+
+  for (std::size_t m = 0; m < kModes; ++m) {
+    const std::size_t axis = m % 3, walsh = m / 3;
+    for (std::size_t row = 0; row < 3 * kNodes; ++row) {
+      const bool negative = (std::popcount(walsh & (row / 3)) & 1) != 0;
+      const std::int32_t size = row % 3 == axis ? 30000 + random.below(2767) : random.below(600) - 300;
+      basis_[row * kModes + m] = static_cast<std::int16_t>(negative ? -size : size);
+    }
+    // 1 / (sqrt(16 nodes) sqrt(1 g)) = 7.9 for the largest entries.
+    basis_scale_[m] = 7.9f / 32767.0f;
+    // Frequencies from 250 to 1,150 rad/s, every fourth mode hardly damped; stepped by backward Euler, which
+    // needs divisions only: p' = (p - h lambda q + h u) / (1 + h d + h^2 lambda), q' = q + h p'.
+    const float omega_rad_s = 250.0f + 60.0f * static_cast<float>(walsh);
+    const float lambda = omega_rad_s * omega_rad_s;
+    const float damping_rad_s = m % 4 == 0 ? 5.0f : 0.8f * omega_rad_s;
+    const float inverse = 1.0f / (1.0f + kStep_s * damping_rad_s + kStep_s * kStep_s * lambda);
+    float* c = &coefficient_[kCoefficientsPerMode * m];
+    c[2] = -(kStep_s * lambda) * inverse;
+    c[3] = inverse - 1.0f;
+    c[5] = kStep_s * inverse;
+    c[0] = kStep_s * c[2];
+    c[1] = kStep_s * inverse;
+    c[4] = kStep_s * c[5];
+    load_[m] = static_cast<float>(random.below(2001) - 1000) * 1e-3f;
+  }
+  view_ = LocalModelView{.modes = kModes,
+                         .nodes = kNodes,
+                         .triangles = kTriangles,
+                         .origin_m = {},
+                         .position_m = position_m_.data(),
+                         .corner = corner_.data(),
+                         .triangle_id = triangle_id_.data(),
+                         .coefficient = coefficient_.data(),
+                         .load = load_.data(),
+                         .basis_scale = basis_scale_.data(),
+                         .basis = basis_.data()};
+  state_ = {};
+}
+
+void GoldenTrace::run_model(Result& result) {
+  build_model();
+  Fnv1a hash;
+  hash.add(static_cast<std::uint32_t>(check(view_, state_)));
+  surface_.bind(view_, state_);
+  ContactState<float> contact{};
+  Vec3f start_m = kStart_m, tip_m = kStart_m;
+  std::uint32_t tick = 0;
+  for (const Movement& movement : kMovements) {
+    for (std::uint32_t i = 1; i <= movement.ticks; ++i, ++tick) {
+      const float fraction = static_cast<float>(i) / static_cast<float>(movement.ticks);
+      const SinCos turn = sin_cos(kCircle_rad_per_tick * static_cast<float>(i % 125));
+      const Vec3f next_m = start_m + (movement.to_m - start_m) * fraction +
+                           Vec3f{turn.sine, 1.0f - turn.cosine, 0.0f} * movement.circle_m;
+      const ContactState<float> before = contact;
+      step_contact(surface_, contact, movement.law, tip_m, next_m);
+      tip_m = next_m;
+      count(result.counters, before, contact);
+
+      hash.add(static_cast<std::uint32_t>(contact.mode));
+      hash.add(contact.force_N);
+      hash.add(std::uint32_t{contact.at_border} | std::uint32_t{contact.outside} << 1);
+      if (contact.mode != ContactMode::free) {
+        hash.add(contact.triangle);
+        hash.add(contact.barycentric);
+      }
+      constexpr std::uint32_t kTicksPerState = 16;
+      if (tick % kTicksPerState == 0) {
+        for (std::uint32_t node = 0; node < kNodes; ++node) hash.add(surface_.position(node));
+        for (std::size_t m = 0; m < kModes; ++m) {
+          hash.add(state_.q[m]);
+          hash.add(state_.p[m]);
+        }
+      }
+    }
+    start_m = movement.to_m;
+  }
+  hash.add(surface_.work());
+  result.model_hash = hash.value();
+}
+
+Result GoldenTrace::run() {
+  Result result{};
+  run_model(result);
+  run_device(result);
+  run_math(result);
+  return result;
+}
+
+}  // namespace palpate::golden
