@@ -168,9 +168,7 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
 
 bool Renderer::catch_up(ModelReport& report) {
   if (shadow_ == Shadow::offered) {
-    if (offered_.load(std::memory_order_acquire) == 0) {
-      finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
-    } else if (reclaim_offer()) {
+    if (reclaim_offer()) {
       shadow_ = Shadow::catching_up;  // the interrupt has gone on without it
     } else {
       finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));

@@ -215,8 +215,9 @@ def run_pytest(quick: bool, log: IO[str]) -> Count:
 
 
 def run_clang_tidy(log: IO[str]) -> Count:
-    """clang-tidy finds nothing in the sources of the host preset; one test."""
-    sources = {str(ROOT / source) for source in _sources((".cpp",))}
+    """clang-tidy finds nothing in the sources of the host preset; one test. The C++ tests are left out:
+    GoogleTest's macros triple the time."""
+    sources = {str(ROOT / source) for source in _sources((".cpp",)) if not source.endswith("_test.cpp")}
     database = BUILD / "host/compile_commands.json"
     compiled = {entry["file"] for entry in json.loads(database.read_text())} if database.exists() else set()
     files = sorted(sources & compiled)
