@@ -88,7 +88,8 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
     message.load.elements[m] = narrow(model.load(column));
     message.state_q.elements[m] = narrow(model.q(column));
     message.state_p.elements[m] = narrow(model.p(column));
-    const float scale = narrow(model.basis.col(column).cwiseAbs().maxCoeff() / kLargestEntry);
+    const float scale =
+        narrow(model.basis.col(column).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / kLargestEntry);
     message.basis_scale.elements[m] = scale;
     for (std::size_t row = 0; row < 3 * nodes; ++row) {
       const double entry = model.basis(static_cast<Eigen::Index>(row), column);

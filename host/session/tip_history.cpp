@@ -49,7 +49,7 @@ Vec3d TipHistory::at(std::uint32_t tick) const {
 }
 
 void TipHistory::forget_before(std::uint32_t tick) {
-  while (samples_.size() > 1 && first_tick_ != tick) {
+  while (samples_.size() > 1 && static_cast<std::int32_t>(tick - first_tick_) > 0) {
     samples_.pop_front();
     ++first_tick_;
   }

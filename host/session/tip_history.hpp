@@ -31,7 +31,7 @@ class TipHistory {
   std::vector<std::uint32_t> interpolate_until(std::uint32_t tick);
   // Only for first_tick() <= tick <= complete_tick().
   [[nodiscard]] Vec3d at(std::uint32_t tick) const;
-  // Forgets ticks before `tick`.
+  // Forgets ticks before `tick`, except the newest sample.
   void forget_before(std::uint32_t tick);
 
  private:
