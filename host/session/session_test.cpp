@@ -1,0 +1,191 @@
+#include "host/session/session.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "host/session/simulation.hpp"
+#include "host/session/test_contact.hpp"
+
+namespace palpate::host {
+namespace {
+
+using test::block;
+using test::Path;
+
+constexpr std::uint32_t kSamplesPerTrace = 4;
+
+// As the board sends them: in single precision.
+palpate_ServoTrace_1_0 trace(const Path& path, std::uint32_t first_tick) {
+  palpate_ServoTrace_1_0 message{};
+  message.first_tick = first_tick;
+  for (std::uint32_t tick = first_tick; tick <= path.ticks() && tick < first_tick + kSamplesPerTrace;
+       ++tick) {
+    auto& sample = message.samples.elements[message.samples.count++];
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      sample.tip_m[axis] = static_cast<float>(path.tip_m[tick][axis]);
+  }
+  return message;
+}
+
+Path in_single_precision(Path path) {
+  for (Vec3d& tip : path.tip_m)
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      tip[axis] = static_cast<double>(static_cast<float>(tip[axis]));
+  return path;
+}
+
+class SessionTest : public ::testing::Test {
+ protected:
+  SessionTest() {
+    config_.law = {0.5, 0.5, 0.0};
+    path_.to({0.0145, 0.0165, -2e-3}, 60).to({0.0245, 0.0175, -2e-3}, 139);
+  }
+  // Sends the path but for the ticks in `lost`, with an update every 33 ticks; returns the models.
+  std::vector<ModelUpdate> run(Session& session, const std::vector<std::uint32_t>& lost_traces = {}) {
+    std::vector<ModelUpdate> updates;
+    for (std::uint32_t tick = 0; tick <= path_.ticks(); ++tick) {
+      if (tick % kSamplesPerTrace == kSamplesPerTrace - 1) {
+        const std::uint32_t first = tick + 1 - kSamplesPerTrace;
+        if (std::count(lost_traces.begin(), lost_traces.end(), first) == 0) session.take(trace(path_, first));
+      }
+      if (!session.due(tick)) continue;
+      if (auto update = session.update()) updates.push_back(std::move(*update));
+    }
+    return updates;
+  }
+  BodyState simulated_until(std::uint32_t tick) {
+    const Path measured = in_single_precision(path_);
+    SimulationConfig config;
+    config.law = config_.law;
+    config.ticks = tick;
+    config.tip_m.assign(measured.tip_m.begin(), measured.tip_m.begin() + tick + 1);
+    config.export_ticks = {tick};
+    return simulate(body_, body_.rest_state(), config, {}).exported.at(0);
+  }
+
+  Body body_ = block(5);
+  SessionConfig config_{};
+  Path path_{{0.0145, 0.0165, 5e-4}};
+};
+
+TEST_F(SessionTest, IsDueAtItsRate) {
+  for (const double rate_Hz : {1.0, 30.0, 60.0, 333.0, 1000.0}) {
+    config_.update_Hz = rate_Hz;
+    const Session session(body_, body_.rest_state(), config_);
+    std::uint32_t count = 0;
+    for (std::uint32_t tick = 0; tick <= 10000; ++tick) count += session.due(tick);
+    // An update that falls on a tick's boundary may be counted one tick later.
+    EXPECT_NEAR(count, 10.0 * rate_Hz, 1.0) << rate_Hz;
+  }
+}
+
+TEST_F(SessionTest, ReplaysThePathAsASimulationOfIt) {
+  Session session(body_, body_.rest_state(), config_);
+  EXPECT_FALSE(session.update());  // nothing heard yet
+  const auto updates = run(session);
+  ASSERT_EQ(updates.size(), 5u);
+  std::uint32_t sequence = 0;
+  for (const ModelUpdate& update : updates) {
+    EXPECT_EQ(update.message.sequence, ++sequence);
+    EXPECT_EQ(update.message.valid_ticks, config_.valid_ticks);
+    EXPECT_EQ(update.interpolated_ticks, 0u);
+    const BodyState expected = simulated_until(update.message.tick);
+    EXPECT_EQ(update.state.position_m, expected.position_m) << "tick " << update.message.tick;
+    EXPECT_EQ(update.state.velocity_m_s, expected.velocity_m_s) << "tick " << update.message.tick;
+    EXPECT_EQ(update.patch_nodes.size(), update.message.nodes);
+  }
+  EXPECT_TRUE(session.missing().empty());
+  EXPECT_TRUE(session.interpolated().empty());
+  // The contact travels with the model: its triangle is one of the patch's.
+  const palpate_LocalModel_1_0& last = updates.back().message;
+  EXPECT_NE(last.contact.mode, 0u);
+  EXPECT_EQ(std::count(last.triangle_id.elements, last.triangle_id.elements + last.triangles,
+                       last.contact.triangle),
+            1);
+  EXPECT_EQ(last.contact.triangle, session.contact().triangle);
+}
+
+TEST_F(SessionTest, NoNewsNoModel) {
+  Session session(body_, body_.rest_state(), config_);
+  session.take(trace(path_, 0));
+  EXPECT_TRUE(session.update());
+  EXPECT_FALSE(session.update());
+}
+
+TEST_F(SessionTest, AGapIsAskedForAndWaitedFor) {
+  Session whole(body_, body_.rest_state(), config_), session(body_, body_.rest_state(), config_);
+  const auto expected = run(whole);
+  constexpr std::uint32_t kLost = 40, kUntil = 80;
+  for (std::uint32_t first = 0; first < kUntil; first += kSamplesPerTrace)
+    if (first != kLost) session.take(trace(path_, first));
+  const auto missing = session.missing();
+  ASSERT_EQ(missing.size(), 1u);
+  EXPECT_EQ(missing[0].first, kLost);
+  EXPECT_EQ(missing[0].count, kSamplesPerTrace);
+  const auto before = session.update();
+  ASSERT_TRUE(before);
+  EXPECT_EQ(before->message.tick, kLost - 1);
+  session.take(trace(path_, kLost));  // sent again
+  const auto after = session.update();
+  ASSERT_TRUE(after);
+  EXPECT_EQ(after->message.tick, kUntil - 1);
+  EXPECT_EQ(after->interpolated_ticks, 0u);
+  EXPECT_TRUE(session.interpolated().empty());
+  EXPECT_EQ(after->state.position_m, simulated_until(kUntil - 1).position_m);
+}
+
+TEST_F(SessionTest, AGapThatStaysIsInterpolatedAndSaid) {
+  Session session(body_, body_.rest_state(), config_);
+  constexpr std::uint32_t kLost = 40, kUntil = 80;
+  for (std::uint32_t first = 0; first < kUntil; first += kSamplesPerTrace)
+    if (first != kLost) session.take(trace(path_, first));
+  ASSERT_TRUE(session.update());
+  EXPECT_EQ(session.tick(), kLost - 1);
+  const auto update = session.update();
+  ASSERT_TRUE(update);
+  EXPECT_EQ(session.tick(), kUntil - 1);
+  EXPECT_EQ(update->interpolated_ticks, kSamplesPerTrace);
+  ASSERT_EQ(session.interpolated().size(), kSamplesPerTrace);
+  EXPECT_TRUE(session.missing().empty());
+  for (std::uint32_t i = 0; i < kSamplesPerTrace; ++i) {
+    const Session::Interpolated& guess = session.interpolated()[i];
+    EXPECT_EQ(guess.tick, kLost + i);
+    EXPECT_EQ(guess.sequence, update->message.sequence);
+    // The path's curvature, (2.5 mm) 6 / (60 ms)^2, over half the gap of 5 ms: h^2 / 8 times it.
+    EXPECT_LE(norm(guess.tip_m - path_.tip_m[kLost + i]), 2.5e-3 * 6.0 / (60.0 * 60.0) * 25.0 / 8.0);
+  }
+  // Only once: the next model builds on nothing new that was guessed.
+  session.take(trace(path_, kUntil));
+  const auto next = session.update();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->interpolated_ticks, 0u);
+}
+
+TEST_F(SessionTest, TheBodyMovesOnButNoModelIsBuiltFarAway) {
+  Path far({0.0145, 0.0165, 0.05});
+  far.hold(50).to({0.0145, 0.0165, 0.019}, 50);
+  path_ = far;
+  Session session(body_, body_.rest_state(), config_);
+  for (std::uint32_t first = 0; first < 48; first += kSamplesPerTrace) session.take(trace(path_, first));
+  EXPECT_FALSE(session.update());
+  EXPECT_EQ(session.tick(), 47u);
+  for (std::uint32_t first = 48; first <= 100; first += kSamplesPerTrace) session.take(trace(path_, first));
+  const auto near = session.update();  // 19 mm above the surface, near_m is 20
+  ASSERT_TRUE(near);
+  EXPECT_EQ(near->message.tick, 100u);
+  EXPECT_EQ(near->message.contact.mode, 0u);
+}
+
+TEST_F(SessionTest, RefusesAStepThatDoesNotDivideTheTick) {
+  config_.step_s = 1.5e-4;
+  EXPECT_NE(test::message_of<std::invalid_argument>([&] { Session(body_, body_.rest_state(), config_); }),
+            "");
+}
+
+}  // namespace
+}  // namespace palpate::host
