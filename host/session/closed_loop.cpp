@@ -43,8 +43,10 @@ class Host {
       std::visit([this](const auto& message) { take(message); }, incoming);
   }
 
-  // Frames that the host hands to the link in this tick.
-  std::vector<link::OutgoingFrame> poll(std::uint32_t tick) {
+  // Frames that the host hands to the link in this tick. link_is_idle: all that was handed to it has arrived.
+  // A model that would queue behind another is not computed before that one has arrived: a queue of models,
+  // each older than the next, would reach the board too late for its tip history, all of them.
+  std::vector<link::OutgoingFrame> poll(std::uint32_t tick, bool link_is_idle) {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
     if (session_.due(tick)) {
@@ -54,6 +56,10 @@ class Host {
         request.count = static_cast<std::uint16_t>(std::min<std::uint32_t>(gap.count, kLargestTraceRequest));
         frames.push_back(endpoint_.encode(request));
       }
+      model_is_due_ = true;
+    }
+    if (model_is_due_ && link_is_idle) {
+      model_is_due_ = false;
       if (auto update = session_.update())
         computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
     }
@@ -146,6 +152,7 @@ class Host {
   link::HostEndpoint endpoint_;
   Arming arming_;
   Session session_;
+  bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
   ClosedLoopResult result_;
   double peak_N_ = 0.0;
@@ -225,7 +232,7 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
     row.link_down_bytes = sensors.link_length;
     host.receive(to_host, tick);
-    for (const link::OutgoingFrame& frame : host.poll(tick))
+    for (const link::OutgoingFrame& frame : host.poll(tick, down.backlog_bytes(tick) == 0))
       (void)down.submit(faults_down.apply(frame.bytes), tick);
 
     if (recorded.size() % kTicksPerReport == 0 && progress &&
