@@ -1,6 +1,9 @@
 #include "host/session/closed_loop.hpp"
 
+#include <nanobind/ndarray.h>
+
 #include <array>
+#include <string>
 
 #include "host/link/uart.hpp"
 #include "host/python/bindings/arrays.hpp"
@@ -72,6 +75,20 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
       column<double>(updates, [](const UpdateRecord& u) { return u.interpolation_error_m; });
 }
 
+// The hand would pull the arm against its stops: refused before the run, with the point's number in the
+// scene.
+void require_reach(const nb::dict& scene, const plant::PlantParameters& parameters) {
+  const plant::ArmPlant arm(parameters.arm);
+  const auto position_m =
+      nb::cast<nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>>(
+          table(scene, "path")["position_m"]);
+  for (std::size_t i = 0; i < position_m.shape(0); ++i) {
+    const double* x = position_m.data() + 3 * i;
+    const std::string name = "path: point " + std::to_string(i);
+    (void)arm.joint_angles_rad({x[0], x[1], x[2]}, name.c_str());
+  }
+}
+
 }  // namespace
 
 nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
@@ -79,7 +96,9 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
   const host::Body body = read_body(scene);
   const host::BodyState start = read_start(scene, body);
   const host::ClosedLoopConfig config = read_closed_loop(scene);
-  plant::Plant plant(read_plant(scene), read_path(scene));
+  const plant::PlantParameters parameters = read_plant(scene);
+  require_reach(scene, parameters);
+  plant::Plant plant(parameters, read_path(scene));
   const nb::dict link = table(scene, "link");
   link::Uart down(whole(link, "baud"), whole(link, "queue_bytes")),
       up(whole(link, "baud"), whole(link, "queue_bytes"));

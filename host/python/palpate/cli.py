@@ -16,12 +16,12 @@ from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.paths import ROOT, SCENES
 from palpate.scene import Scene, SceneError, load_scene
-from palpate.summary import failed_checks
+from palpate.summary import board_failures, suspicions
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 _EPILOG = (
-    "exit codes: 0 done; 1 a check or a test failed, or the board did; 2 bad input, with one line that names "
+    "exit codes: 0 done; 1 a check or a test failed, or the board did (it latched a fault, say); 2 bad input, with one line that names "
     "file, key, value and allowed range. Scenes: docs/scenes.md. Results: docs/records.md."
 )
 
@@ -188,10 +188,12 @@ def _experiment(arguments: argparse.Namespace) -> int:
         scene = scene.with_board(arguments.board)
     outcome = run(_core, scene, arguments.command, folder, _progress)
     _report(arguments, scene, outcome)
-    failures = failed_checks(outcome.summary)
-    for failure in failures:
-        print(f"palpate {arguments.command}: {'' if is_demo else 'warning: '}{failure}", file=sys.stderr)
-    return FAILED if failures and is_demo else OK
+    failures, warnings = board_failures(outcome.summary), suspicions(outcome.summary)
+    if is_demo:  # there, nothing of the kind is meant
+        failures, warnings = failures + warnings, []
+    for message in failures + [f"warning: {warning}" for warning in warnings]:
+        print(f"palpate {arguments.command}: {message}", file=sys.stderr)
+    return FAILED if failures else OK
 
 
 def _test(arguments: argparse.Namespace) -> int:

@@ -76,6 +76,11 @@ class Scene:
         values["outputs"]["node_ticks"] = [
             round(time_s / TICK_S) for time_s in self.sections.outputs.node_times_s
         ]
+        if self.sections.body.dimension == 3:  # a patch larger than the body is the whole body
+            values["model"]["patch_nodes"] = [
+                min(patch, count)
+                for patch, count in zip(values["model"]["patch_nodes"], values["body"]["nodes"], strict=True)
+            ]
         path = self.path
         values["path"] = path and {
             "interpolation": path.interpolation,

@@ -16,11 +16,11 @@ PRESS = (ROOT / "scenes/press.toml").read_text("utf-8")
 REPLAY_N = 1e-8
 
 
-def run(folder: Path, command: str, text: str, *options: str) -> dict[str, Any]:
-    """The summary of a scene's run in a folder; fails the test where the command does."""
+def run(folder: Path, command: str, text: str, *options: str, exit_code: int = 0) -> dict[str, Any]:
+    """The summary of a scene's run in a folder; fails the test where the command ends with another exit code."""
     (folder / "scene.toml").write_text(text)
     done = palpate(command, "scene.toml", "--json", "--out", "out", *options, cwd=folder)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == exit_code, done.stderr
     summary: dict[str, Any] = json.loads(done.stdout)
     return summary
 
@@ -73,7 +73,7 @@ def test_faults_of_a_scene_happen(tmp_path: Path) -> None:
         "csv = false\npictures = false\n[reference]\nenabled = false\n[board.faults]\nemergency_stop_ticks = [900]\n"
         "[link.faults]\ndrop_down = [14]\ndrop_up = [100]\nflip_up = [{ frame = 120, bit = 99 }]\n"
     )
-    summary = run(tmp_path, "run", text, "--board", "native")
+    summary = run(tmp_path, "run", text, "--board", "native", exit_code=1)
     assert summary["faults"] == 1
     # A lost frame shows by the next one of its kind: frame 14 to the board is a model, with others after it.
     assert summary["frames_lost"] == 3

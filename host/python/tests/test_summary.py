@@ -128,8 +128,12 @@ def test_what_is_not_known_is_null() -> None:
 
 def test_checks() -> None:
     numbers = summarize(*run_values(ticks=400))
-    assert summary.failed_checks(numbers) == []
-    bad = {"missed_deadlines": 1, "model_updates": 0, "contact_ticks": 0, "faults": 4, "rendering_ticks": 0}
-    for key, value in bad.items():
-        (failure,) = summary.failed_checks({**numbers, key: value})
-        assert failure.startswith(f"{key} = ")
+    assert summary.board_failures(numbers) == summary.suspicions(numbers) == []
+    for key, value in {"missed_deadlines": 1, "model_updates": 0, "contact_ticks": 0}.items():
+        (found,) = summary.suspicions({**numbers, key: value})
+        assert found.startswith(f"{key} = ")
+        assert summary.board_failures({**numbers, key: value}) == []
+    assert summary.board_failures({**numbers, "faults": 4}) == ["faults = 0x4: must be 0"]
+    never = {**numbers, "rendering_ticks": 0, "ticks": 1000}
+    assert summary.board_failures(never) == ["rendering_ticks = 0: must be at least 1"]
+    assert summary.board_failures({**never, "ticks": 20}) == []  # no time to arm
