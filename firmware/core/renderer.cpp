@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "shared/wire/messages.hpp"
+
 namespace palpate::firmware {
 namespace {
 
@@ -33,13 +35,12 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
   sample.tip_m = tip_m;
 
   std::uint32_t offer = offered_.load(std::memory_order_acquire);
-  if (offer != 0 && shadow_tick_.load(std::memory_order_relaxed) + 1 == tick &&
+  if (offer != 0 && offered_tick_.load(std::memory_order_relaxed) + 1 == tick &&
       offered_.compare_exchange_strong(offer, 0, std::memory_order_acq_rel)) {
-    swap_tick_.store(tick, std::memory_order_relaxed);
+    // From here on the slot that was active is the background's.
+    active_.store(offer - 1, std::memory_order_relaxed);
     have_model_.store(true, std::memory_order_relaxed);
     shadow_tick_.store(0, std::memory_order_relaxed);
-    // Release: whoever sees the new active slot also sees that the offer is gone and when it was taken.
-    active_.store(offer - 1, std::memory_order_release);
     sample.flags |= kFlagModelSwap;
   }
   if (have_model_.load(std::memory_order_relaxed)) {
@@ -87,6 +88,8 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   if (result == -NUNAVUT_ERROR_REPRESENTATION_BAD_ARRAY_LENGTH) return Status::model_too_large;
   if (result < 0) return Status::payload_malformed;
   if (m.schema_hash != schema_hash_) return Status::schema_mismatch;
+  // The decoder takes what is cut off for zeros.
+  if (payload.size() < wire::payload_bytes(m)) return Status::payload_malformed;
   if (m.modes > kMaxModes || m.nodes > kMaxSurfaceNodes || m.triangles > kMaxTriangles)
     return Status::model_too_large;
   if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0) return Status::model_inconsistent;
@@ -141,22 +144,27 @@ bool Renderer::reclaim_offer() {
   return offered_.exchange(0, std::memory_order_acq_rel) != 0;
 }
 
-void Renderer::finish_shadow(Status status, std::uint32_t swap_tick) {
-  const Slot& slot = slots_[status == Status::ok ? active_.load(std::memory_order_acquire)
-                                                 : 1u - active_.load(std::memory_order_acquire)];
-  finished_ = {slot.sequence, status, slot.model_tick, swap_tick};
+void Renderer::finish_shadow(Status status) {
+  const Slot& slot = slots_[shadow_slot_];
+  const bool taken = status == Status::ok;
+  finished_ = {slot.sequence, status, slot.model_tick,
+               taken ? offered_tick_.load(std::memory_order_relaxed) + 1 : 0};
   has_finished_ = true;
   shadow_ = Shadow::empty;
-  if (status != Status::ok) shadow_tick_.store(0, std::memory_order_relaxed);
+  if (taken) {
+    shadow_slot_ = 1u - shadow_slot_;
+  } else {
+    shadow_tick_.store(0, std::memory_order_relaxed);
+  }
 }
 
 Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& report) {
   if (shadow_ == Shadow::offered && !reclaim_offer()) {
-    finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
+    finish_shadow(Status::ok);
   } else if (shadow_ != Shadow::empty) {
-    finish_shadow(Status::model_superseded, 0);
+    finish_shadow(Status::model_superseded);
   }
-  Slot& slot = slots_[1u - active_.load(std::memory_order_acquire)];
+  Slot& slot = slots_[shadow_slot_];
   const Status status = load(slot, payload);
   if (status != Status::ok) {
     report = {slot.message.sequence, status, slot.message.tick, 0};
@@ -171,30 +179,29 @@ bool Renderer::catch_up(ModelReport& report) {
     if (reclaim_offer()) {
       shadow_ = Shadow::catching_up;  // the interrupt has gone on without it
     } else {
-      finish_shadow(Status::ok, swap_tick_.load(std::memory_order_relaxed));
+      finish_shadow(Status::ok);
     }
   }
   if (shadow_ == Shadow::decoded) {
     shadow_ = Shadow::loaded;
   } else if (shadow_ == Shadow::loaded) {
-    Slot& slot = slots_[1u - active_.load(std::memory_order_acquire)];
+    Slot& slot = slots_[shadow_slot_];
     const Status status = start(slot);
     if (status == Status::ok) {
       shadow_ = Shadow::catching_up;
       shadow_tick_.store(slot.tick, std::memory_order_relaxed);
     } else {
-      finish_shadow(status, 0);
+      finish_shadow(status);
     }
   } else if (shadow_ == Shadow::catching_up) {
-    const std::uint32_t index = 1u - active_.load(std::memory_order_acquire);
-    Slot& slot = slots_[index];
+    Slot& slot = slots_[shadow_slot_];
     const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
     // Stops where one more step, as costly as the costliest so far, would go over the budget.
     std::uint32_t work = 0, costliest = 0;
     while (slot.tick != newest && work + costliest <= kCatchUpWork) {
       ServoSample past{};
       if (!sample(slot.tick + 1, past)) {
-        finish_shadow(Status::model_too_old, 0);
+        finish_shadow(Status::model_too_old);
         break;
       }
       const std::uint32_t before = slot.surface.work();
@@ -208,7 +215,8 @@ bool Renderer::catch_up(ModelReport& report) {
       shadow_tick_.store(slot.tick, std::memory_order_relaxed);
       if (slot.tick == newest) {
         shadow_ = Shadow::offered;
-        offered_.store(index + 1, std::memory_order_release);
+        offered_tick_.store(newest, std::memory_order_relaxed);
+        offered_.store(shadow_slot_ + 1, std::memory_order_release);
       }
     }
   }

@@ -95,24 +95,26 @@ class Renderer {
   Status load(Slot& slot, std::span<const std::uint8_t> payload);
   Status start(Slot& slot);
   bool reclaim_offer();
-  void finish_shadow(Status status, std::uint32_t swap_tick);
+  void finish_shadow(Status status);
 
   std::uint64_t schema_hash_;
   std::array<Slot, 2> slots_{};
-  // Written by the interrupt when it takes a slot over, read by the background.
+  // Interrupt's own.
   std::atomic<std::uint32_t> active_{0};
   std::atomic<bool> have_model_{false};
   // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the
   // slot.
   std::atomic<std::uint32_t> offered_{0};
+  // Written by the background before it offers: the tick up to which the slot has been stepped.
+  std::atomic<std::uint32_t> offered_tick_{0};
   // Background's own.
   Shadow shadow_ = Shadow::empty;
+  std::uint32_t shadow_slot_ = 1;  // the slot that is not the interrupt's: changes when an offer was taken
   ModelReport finished_{};
   bool has_finished_ = false;
   std::array<ServoSample, kTipHistory> history_{};
   std::atomic<std::uint32_t> last_tick_{0};  // newest tick in history_
   std::atomic<std::uint32_t> ticks_recorded_{0};
-  std::atomic<std::uint32_t> swap_tick_{0};    // of the newest take-over
   std::atomic<std::uint32_t> shadow_tick_{0};  // how far the shadow has come; 0: none
 };
 
