@@ -376,7 +376,8 @@ TEST(RendererThreads, ModelsAreTakenOverWhole) {
       EXPECT_TRUE(is_finite(sample.force_N));
       ticks.store(tick + 1, std::memory_order_release);
       // The background runs about once a tick, as on a board, at any time within it.
-      for (const std::uint32_t seen = rounds.load(); rounds.load() == seen;) std::this_thread::yield();
+      const std::uint32_t seen = rounds.load();
+      while (rounds.load() == seen && tick + 1 < kTicks) std::this_thread::yield();
     }
   });
   const auto send = [&](std::uint32_t sequence, std::uint32_t tick) {

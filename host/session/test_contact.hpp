@@ -23,7 +23,7 @@ inline Body block(int nodes_per_side, double damping_ratio = 1.0) {
 class Path {
  public:
   explicit Path(const Vec3d& start_m) : tip_m{start_m} {}
-  Path& to(const Vec3d& end_m, std::uint32_t ticks) {
+  Path& to(Vec3d end_m, std::uint32_t ticks) {
     const Vec3d start_m = tip_m.back();
     for (std::uint32_t i = 1; i <= ticks; ++i) {
       const double u = static_cast<double>(i) / ticks;
