@@ -22,6 +22,14 @@ bool law_is_valid(const palpate_LocalModel_1_0& m) {
          m.kinetic_friction >= 0.0f && m.static_friction >= m.kinetic_friction;
 }
 
+// Weights of a point on a triangle, as single precision leaves them.
+bool is_on_triangle(const Vec3f& barycentric) {
+  constexpr float kRounding = 1e-3f;
+  const float sum = barycentric.x + barycentric.y + barycentric.z;
+  return barycentric.x >= -kRounding && barycentric.y >= -kRounding && barycentric.z >= -kRounding &&
+         std::fabs(sum - 1.0f) <= kRounding;
+}
+
 }  // namespace
 
 void Renderer::step(Slot& slot, const Vec3f& tip_m) {
@@ -35,7 +43,7 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
   sample.tip_m = tip_m;
 
   std::uint32_t offer = offered_.load(std::memory_order_acquire);
-  if (offer != 0 && offered_tick_.load(std::memory_order_relaxed) + 1 == tick &&
+  if (offer != 0 && offer != kWithdrawn && offered_tick_.load(std::memory_order_relaxed) + 1 == tick &&
       offered_.compare_exchange_strong(offer, 0, std::memory_order_acq_rel)) {
     // From here on the slot that was active is the background's.
     active_.store(offer - 1, std::memory_order_relaxed);
@@ -112,11 +120,13 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   slot.law = {m.static_friction, m.kinetic_friction, m.tip_radius_m};
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
+  if (!is_finite(slot.contact.force_N)) return Status::model_not_finite;
   slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
   if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
   slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
   if (slot.contact.mode != ContactMode::free) {
     if (!is_finite(slot.contact.barycentric)) return Status::model_not_finite;
+    if (!is_on_triangle(slot.contact.barycentric)) return Status::model_inconsistent;
     std::uint32_t triangle = 0;
     while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
     if (triangle == m.triangles) return Status::model_inconsistent;
@@ -159,6 +169,7 @@ void Renderer::finish_shadow(Status status) {
 }
 
 Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& report) {
+  drop_after_reset();
   if (shadow_ == Shadow::offered && !reclaim_offer()) {
     finish_shadow(Status::ok);
   } else if (shadow_ != Shadow::empty) {
@@ -174,7 +185,18 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
   return Status::ok;
 }
 
+void Renderer::drop_after_reset() {
+  const std::uint32_t resets = resets_.load(std::memory_order_acquire);
+  if (resets == resets_seen_) return;
+  resets_seen_ = resets;
+  if (shadow_ == Shadow::empty) return;
+  // An offer that is gone was taken before the reset.
+  const bool taken = shadow_ == Shadow::offered && !reclaim_offer();
+  finish_shadow(taken ? Status::ok : Status::model_superseded);
+}
+
 bool Renderer::catch_up(ModelReport& report) {
+  drop_after_reset();
   if (shadow_ == Shadow::offered) {
     if (reclaim_offer()) {
       shadow_ = Shadow::catching_up;  // the interrupt has gone on without it
@@ -196,8 +218,9 @@ bool Renderer::catch_up(ModelReport& report) {
   } else if (shadow_ == Shadow::catching_up) {
     Slot& slot = slots_[shadow_slot_];
     const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
-    // Stops where one more step, as costly as the costliest so far, would go over the budget.
-    std::uint32_t work = 0, costliest = 0;
+    // Stops where one more step, as costly as the costliest so far, would go over the budget; the first ones,
+    // in the air and cheap, say nothing about a collision.
+    std::uint32_t work = 0, costliest = kUsualStepWork;
     while (slot.tick != newest && work + costliest <= kCatchUpWork) {
       ServoSample past{};
       if (!sample(slot.tick + 1, past)) {
@@ -251,6 +274,11 @@ std::uint32_t Renderer::catch_up_ticks() const {
 
 void Renderer::isr_reset() {
   have_model_.store(false, std::memory_order_relaxed);
+  // An offer is withdrawn at once; a shadow that is still catching up is dropped when the background sees the
+  // count.
+  std::uint32_t offer = offered_.load(std::memory_order_relaxed);
+  if (offer != 0) (void)offered_.compare_exchange_strong(offer, kWithdrawn, std::memory_order_acq_rel);
+  resets_.fetch_add(1, std::memory_order_acq_rel);
 }
 
 }  // namespace palpate::firmware

@@ -27,7 +27,8 @@ inline constexpr std::uint32_t kTipHistory = 256;
 // Background work per servo tick while a model catches up, in the units of ModalSurface::work() (about 1,000
 // instructions): one replayed tick takes 8 to 25, one with a collision up to 60. Fixed, so that every board
 // catches up in the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 64;
+inline constexpr std::uint32_t kCatchUpWork = 70;
+inline constexpr std::uint32_t kUsualStepWork = 25;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
 struct ServoSample {
@@ -96,14 +97,17 @@ class Renderer {
   Status start(Slot& slot);
   bool reclaim_offer();
   void finish_shadow(Status status);
+  void drop_after_reset();
 
   std::uint64_t schema_hash_;
   std::array<Slot, 2> slots_{};
   // Interrupt's own.
   std::atomic<std::uint32_t> active_{0};
   std::atomic<bool> have_model_{false};
+  std::atomic<std::uint32_t> resets_{0};  // isr_reset() so far
   // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the
-  // slot.
+  // slot. kWithdrawn: a reset has come in between; the slot is the background's.
+  static constexpr std::uint32_t kWithdrawn = 0xffffffffu;
   std::atomic<std::uint32_t> offered_{0};
   // Written by the background before it offers: the tick up to which the slot has been stepped.
   std::atomic<std::uint32_t> offered_tick_{0};
@@ -112,6 +116,7 @@ class Renderer {
   std::uint32_t shadow_slot_ = 1;  // the slot that is not the interrupt's: changes when an offer was taken
   ModelReport finished_{};
   bool has_finished_ = false;
+  std::uint32_t resets_seen_ = 0;
   std::array<ServoSample, kTipHistory> history_{};
   std::atomic<std::uint32_t> last_tick_{0};  // newest tick in history_
   std::atomic<std::uint32_t> ticks_recorded_{0};

@@ -320,6 +320,24 @@ TEST(Renderer, ResetForgetsTheModel) {
   EXPECT_EQ(runner.renderer->model_sequence(), 2u);
 }
 
+// A reset comes with a jump of the tip (calibration): what was under way before it must not be taken over
+// after it.
+TEST(Renderer, ResetForgetsModelsThatAreUnderWay) {
+  for (int wait = 0; wait < 12; ++wait) {  // decoded, loaded, catching up, on offer, taken
+    Runner runner;
+    runner.ticks(150);
+    ASSERT_EQ(runner.accept(square_model(1, runner.now - 20, kCentre_m)), Status::ok);
+    runner.ticks(wait);
+    runner.renderer->isr_reset();
+    for (int i = 0; i < 60; ++i) EXPECT_EQ(runner.tick().flags, 0) << "reset after " << wait << " ticks";
+    EXPECT_EQ(runner.renderer->model_sequence(), 0u);
+    ASSERT_EQ(runner.reports.size(), 1u);
+    ASSERT_EQ(runner.accept(square_model(2, runner.now - 1, kCentre_m)), Status::ok);
+    runner.ticks(20);
+    EXPECT_EQ(runner.renderer->model_sequence(), 2u);
+  }
+}
+
 TEST(Renderer, TheHistoryHoldsTheLastTicks) {
   Runner runner;
   ServoSample sample;

@@ -49,19 +49,18 @@ class Host {
   std::vector<link::OutgoingFrame> poll(std::uint32_t tick, bool link_is_idle) {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
-    if (session_.due(tick)) {
+    if (session_.due(tick)) model_is_due_ = true;
+    if (model_is_due_ && link_is_idle && computing_.empty()) {
+      model_is_due_ = false;
+      if (auto update = session_.update())
+        computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
+      // What is missing still after the next update is interpolated.
       for (const TickRange& gap : session_.missing()) {
         palpate_TraceRequest_1_0 request{};
         request.first_tick = gap.first;
         request.count = static_cast<std::uint16_t>(std::min<std::uint32_t>(gap.count, kLargestTraceRequest));
         frames.push_back(endpoint_.encode(request));
       }
-      model_is_due_ = true;
-    }
-    if (model_is_due_ && link_is_idle) {
-      model_is_due_ = false;
-      if (auto update = session_.update())
-        computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
     }
     while (!computing_.empty() && computing_.front().first <= tick) {
       frames.push_back(send(computing_.front().second, tick));
@@ -111,6 +110,7 @@ class Host {
     record.nodes = update.message.nodes;
     record.bytes = static_cast<std::uint32_t>(frame.bytes.size());
     record.interpolated_ticks = update.interpolated_ticks;
+    record.damping_coupling = update.damping_coupling;
     result_.updates.push_back(record);
     ++result_.counters.models_sent;
 
@@ -189,6 +189,7 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   std::vector<LoopTick> recorded;
   recorded.reserve(config.ticks);
   std::size_t next_grip = 0;
+  std::deque<std::uint8_t> to_board;
 
   std::uint32_t tick = 0;
   while (tick < config.ticks) {
@@ -202,11 +203,14 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     sensors.current_A = plant.measured_current_A();
     if (contains(config.emergency_stop_ticks, tick)) sensors.flags |= lockstep::kEmergencyStop;
     if (contains(config.overlong_ticks, tick)) sensors.flags |= lockstep::kBurnCycles;
-    const std::vector<std::uint8_t> to_board = down.deliver(tick);
-    require(to_board.size() <= sensors.link.size(),
-            "the link brings more bytes in a tick than the exchange holds");
-    sensors.link_length = static_cast<std::uint32_t>(to_board.size());
-    std::copy(to_board.begin(), to_board.end(), sensors.link.begin());
+    // After lost ticks more has arrived than the exchange holds: the rest waits for the ticks to come.
+    const std::vector<std::uint8_t> arrived = down.deliver(tick);
+    to_board.insert(to_board.end(), arrived.begin(), arrived.end());
+    const std::size_t length = std::min(to_board.size(), sensors.link.size());
+    sensors.link_length = static_cast<std::uint32_t>(length);
+    const auto end_of_tick = to_board.begin() + static_cast<std::ptrdiff_t>(length);
+    std::copy(to_board.begin(), end_of_tick, sensors.link.begin());
+    to_board.erase(to_board.begin(), end_of_tick);
 
     LoopTick& row = recorded.emplace_back();
     row.tick = tick;

@@ -10,6 +10,7 @@ void TipHistory::add(std::uint32_t tick, const Vec3d& tip_m) {
   }
   if (static_cast<std::int32_t>(tick - first_tick_) < 0) return;
   const std::size_t index = tick - first_tick_;
+  if (index >= kLongestHistory_ticks) return;
   if (index >= samples_.size()) samples_.resize(index + 1);
   if (!samples_[index]) samples_[index] = tip_m;
 }

@@ -15,9 +15,13 @@ struct TickRange {
   std::uint32_t count = 0;
 };
 
+// A tick further ahead than this is an error of its sender.
+inline constexpr std::size_t kLongestHistory_ticks = 60'000;
+
 class TipHistory {
  public:
-  // Ticks before the first sample seen, and ticks already consumed, are ignored; so are repeats.
+  // Ticks before the first sample seen, and ticks already consumed, are ignored; so are repeats and ticks
+  // beyond kLongestHistory_ticks.
   void add(std::uint32_t tick, const Vec3d& tip_m);
 
   [[nodiscard]] bool empty() const { return samples_.empty(); }

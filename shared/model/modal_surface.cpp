@@ -101,7 +101,15 @@ void ModalSurface::quantize_state() {
   }
   constexpr float kLargestEntry = 32767.0f, kSmallestStep = 1e-30f;
   quantum_ = largest * (1.0f / kLargestEntry);
-  const float inverse = quantum_ > kSmallestStep ? 1.0f / quantum_ : 0.0f;
+  constexpr float kLargestStep = 1e30f;
+  if (!(quantum_ > kSmallestStep && quantum_ < kLargestStep)) {  // at rest, or no numbers any more
+    quantum_ = 0.0f;
+    for (std::size_t m = 0; m < modes; ++m) out[m] = 0;
+    quantized_ = true;
+    work_ += kWorkOfModes;
+    return;
+  }
+  const float inverse = 1.0f / quantum_;
   for (std::size_t m = 0; m < modes; ++m) {
     const float steps = scale[m] * q[m] * inverse;
     out[m] = static_cast<std::int16_t>(static_cast<std::int32_t>(steps < 0.0f ? steps - 0.5f : steps + 0.5f));
@@ -142,21 +150,21 @@ Vec3f ModalSurface::position(std::uint32_t node) {
   return x;
 }
 
-bool ModalSurface::normal_is_fresh(std::uint32_t node) const {
-  return normal_step_[node] != 0 && step_ + 1 - normal_step_[node] < kNormalLifetime_steps;
+bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const {
+  return normal_step_[node] != 0 && step + 1 - normal_step_[node] < kNormalLifetime_steps;
 }
 
 void ModalSurface::prepare(std::uint32_t triangle) {
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
-    if (normal_is_fresh(node)) continue;
+    if (normal_is_fresh(node, step_ + 1)) continue;
     for (std::uint32_t k = 0; k < triangle_count_of_[node]; ++k)
       for (const std::uint32_t around : corners(triangles_of_[node][k])) (void)position(around);
   }
 }
 
 Vec3f ModalSurface::node_normal_before(std::uint32_t node) {
-  if (normal_is_fresh(node)) return normal_[node];
+  if (normal_is_fresh(node, step_)) return normal_[node];
   Vec3f sum{};
   for (std::uint32_t k = 0; k < triangle_count_of_[node]; ++k) {
     const auto corner = corners(triangles_of_[node][k]);

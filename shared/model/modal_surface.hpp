@@ -62,7 +62,8 @@ class ModalSurface {
   }
 
  private:
-  [[nodiscard]] bool normal_is_fresh(std::uint32_t node) const;
+  // In the step with this number (step_ counts them).
+  [[nodiscard]] bool normal_is_fresh(std::uint32_t node, std::uint32_t step) const;
   Vec3f node_normal_before(std::uint32_t node);
   void quantize_state();
   [[nodiscard]] float largest_travel_m() const;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
@@ -99,6 +100,39 @@ TEST(ModalSurface, FindsNeighboursAndBorder) {
   EXPECT_EQ(surface.neighbour(1, 2), 0);
   EXPECT_EQ(surface.neighbour(0, 0), kNoTriangle);
   EXPECT_EQ(surface.neighbour(1, 1), kNoTriangle);
+}
+
+// A node's normal is that of the triangles around it as they are, at most kNormalLifetime_steps old, also
+// where the nodes around are not asked for by anybody else.
+TEST(ModalSurface, NormalsFollowTheNodesAround) {
+  test::TestModel model(1e-3, 20, 60, 1.0);
+  for (std::size_t m = 0; m < 12; ++m) model.state.p[m] = 4e-4f * static_cast<float>(m % 3);
+  ModalSurface surface;
+  surface.bind(model.view, model.state);
+  ModalState twin_state = model.state;
+  ModalSurface twin;  // asked for every node before every step
+  twin.bind(model.view, twin_state);
+  // Slow modes: in four steps a normal turns by less than this.
+  constexpr float kTurn = 0.01f;
+  const Vec3f start = [&] {
+    for (std::uint32_t n = 0; n < 4; ++n) (void)twin.position(n);
+    const Vec3f a = twin.position(0);
+    return normalized(cross(twin.position(1) - a, twin.position(2) - a));
+  }();
+  float moved = 0;
+  for (int step = 0; step < 60; ++step) {
+    surface.prepare(0);
+    for (std::uint32_t n = 0; n < 4; ++n) (void)twin.position(n);
+    surface.advance();
+    twin.advance();
+    // At corner 0 of the square both triangles count, corner 3 among them, which triangle 0 has not.
+    const Vec3f a = twin.position_before(0);
+    const Vec3f expected = normalized(cross(twin.position_before(1) - a, twin.position_before(2) - a) +
+                                      cross(twin.position_before(2) - a, twin.position_before(3) - a));
+    EXPECT_LT(norm(surface.normal_before(0, {1, 0, 0}) - expected), kTurn) << "step " << step;
+    moved = std::max(moved, norm(expected - start));
+  }
+  EXPECT_GT(moved, 3 * kTurn);
 }
 
 // The contact's inversion of the sampled system must not ring (docs/decisions/contact_output.md): after the

@@ -73,6 +73,8 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
       column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.interpolated_ticks; });
   result["updates/interpolation_error_m"] =
       column<double>(updates, [](const UpdateRecord& u) { return u.interpolation_error_m; });
+  result["updates/damping_coupling"] =
+      column<double>(updates, [](const UpdateRecord& u) { return u.damping_coupling; });
 }
 
 // The hand would pull the arm against its stops: refused before the run, with the point's number in the
@@ -115,7 +117,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
   add_body(result, body, run.state_at_peak.position_m, run.peak_tick * kTick_s, &run.tip_at_peak_m,
            run.patch_at_peak);
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
-  result["frames_lost_down"] = run.counters.frames_lost_down + down.counters().submissions_dropped;
+  result["frames_lost_down"] = run.counters.frames_lost_down;
   result["frames_lost_up"] = run.counters.frames_lost_up;
   result["models_sent"] = run.counters.models_sent;
   result["models_taken"] = run.counters.models_taken;

@@ -100,6 +100,12 @@ UPDATES = (
         "m",
         "largest error of an interpolated tip position, as known afterwards",
     ),
+    _update(
+        "damping_coupling",
+        "f8",
+        "",
+        "what its modes neglect: off-diagonal part of the modal damping, relative to the whole",
+    ),
 )
 
 REFERENCE = (

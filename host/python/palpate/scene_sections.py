@@ -311,8 +311,8 @@ class Link:
         Integer(1200, 20_000_000), "bits per second in each direction", unit="bit/s", default=12_000_000
     )
     queue_bytes: int = key(
-        Integer(1024, 16_777_216),
-        "what each direction may hold back before frames are lost",
+        Integer(32_768, 16_777_216),
+        "what each direction may hold back before frames are lost; a model has up to 28 kB",
         unit="bytes",
         default=1_048_576,
     )

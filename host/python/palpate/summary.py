@@ -29,7 +29,7 @@ RUN_KEYS = (
         "ticks",
         "servo ticks that the board computed, one a millisecond of virtual time; overlong ones cost others",
     ),
-    SummaryKey("missed_deadlines", "", "servo ticks that took longer than 1 ms of the board's time"),
+    SummaryKey("missed_deadlines", "", "deadlines that servo ticks missed; a tick that takes 3 ms misses two"),
     SummaryKey("background_overruns", "", "ticks whose background work was not done when the next began"),
     SummaryKey(
         "worst_tick_instructions",

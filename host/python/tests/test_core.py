@@ -71,11 +71,11 @@ def test_reference_is_the_simulation_of_the_recorded_path(
 def test_faults_of_a_scene_happen(tmp_path: Path) -> None:
     text = PRESS + (
         "csv = false\npictures = false\n[reference]\nenabled = false\n[board.faults]\nemergency_stop_ticks = [900]\n"
-        "[link.faults]\ndrop_down = [14]\ndrop_up = [100]\nflip_up = [{ frame = 120, bit = 99 }]\n"
+        "[link.faults]\ndrop_down = [20]\ndrop_up = [100]\nflip_up = [{ frame = 120, bit = 99 }]\n"
     )
     summary = run(tmp_path, "run", text, "--board", "native", exit_code=1)
     assert summary["faults"] == 1
-    # A lost frame shows by the next one of its kind: frame 14 to the board is a model, with others after it.
+    # A lost frame shows by the next one of its kind: frame 20 to the board is a model, with others after it.
     assert summary["frames_lost"] == 3
     with h5py.File(tmp_path / "out/record.h5") as record:
         enabled = record["ticks/enabled"][:]
