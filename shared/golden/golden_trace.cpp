@@ -148,10 +148,11 @@ void Fnv1a::add(const Vec3f& vector) {
 void GoldenTrace::build_model() {
   Lcg random(1);
   for (std::size_t n = 0; n < kNodes; ++n) {
+    const std::size_t column = n % kSide, row = n / kSide;
     position_m_[3 * n] =
-        static_cast<float>(n % kSide) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
+        static_cast<float>(column) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
     position_m_[3 * n + 1] =
-        static_cast<float>(n / kSide) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
+        static_cast<float>(row) * kSpacing_m + static_cast<float>(random.below(1000)) * 1e-6f;
     position_m_[3 * n + 2] = static_cast<float>(random.below(1000)) * 1e-6f;
   }
   std::size_t t = 0;
