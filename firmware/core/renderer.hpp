@@ -28,6 +28,7 @@ inline constexpr std::uint32_t kTipHistory = 256;
 // instructions): one replayed tick takes 8 to 25, one with a collision up to 60. Fixed, so that every board
 // catches up in the same number of ticks.
 inline constexpr std::uint32_t kCatchUpWork = 70;
+// What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 25;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.

@@ -14,7 +14,7 @@ namespace palpate {
 inline constexpr std::size_t kMaxTrianglesOfNode = 8;
 
 // Steps for which a node's normal is used before it is computed anew. It takes the positions of all nodes
-// around; every 4 ticks instead of every tick halves a model's catch-up (docs/decisions/smooth_normals.md).
+// around; every 4 ticks instead of every tick, models catch up sooner (docs/decisions/smooth_normals.md).
 inline constexpr std::uint32_t kNormalLifetime_steps = 4;
 
 // Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
