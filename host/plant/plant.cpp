@@ -10,7 +10,8 @@
 namespace palpate::plant {
 
 Plant::Plant(const PlantParameters& parameters, TipPath intended)
-    : arm_(parameters.arm),
+    : hand_kind_(parameters.hand_kind),
+      arm_(parameters.arm),
       amplifiers_(parameters.amplifiers),
       hand_(parameters.hand),
       intended_(std::move(intended)),
@@ -66,17 +67,38 @@ void Plant::substep(double step_s) {
   time_s_ += step_s;
 }
 
-void Plant::advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s) {
-  require_range("plant duration_s", duration_s, 1e-6, 1.0);
-  amplifiers_.command({static_cast<double>(setpoint_A[0]), static_cast<double>(setpoint_A[1]),
-                       static_cast<double>(setpoint_A[2])},
-                      enabled);
+void Plant::integrate(double duration_s) {
   // Rounding in duration / substep must not add a substep.
   constexpr double kRounding = 1e-9;
   const auto steps = static_cast<int>(std::ceil(duration_s / substep_s_ - kRounding));
   const double end_s = time_s_ + duration_s;
   for (int step = 0; step < steps; ++step) substep(duration_s / steps);
   time_s_ = end_s;  // not the sum of the substeps, whose rounding would add up
+}
+
+void Plant::follow_script(double duration_s) {
+  amplifiers_.advance(duration_s);
+  time_s_ += duration_s;
+  const PathPoint there = intended_.at(time_s_);
+  const Vec3d before_rad_s = state_.joint_rad_s;
+  state_.joint_rad = arm_.joint_angles_rad(there.position_m, "scripted tip");
+  // The Jacobian is regular within the workspace, which joint_angles_rad has checked.
+  if (!solve(arm_.jacobian_m(state_.joint_rad), there.velocity_m_s, state_.joint_rad_s))
+    throw std::runtime_error("scripted tip: the arm is in a singular pose");
+  joint_rad_s2_ = (state_.joint_rad_s - before_rad_s) * (1.0 / duration_s);
+  state_.hand = {there.position_m, there.velocity_m_s};
+}
+
+void Plant::advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s) {
+  require_range("plant duration_s", duration_s, 1e-6, 1.0);
+  amplifiers_.command({static_cast<double>(setpoint_A[0]), static_cast<double>(setpoint_A[1]),
+                       static_cast<double>(setpoint_A[2])},
+                      enabled);
+  if (hand_kind_ == HandKind::scripted) {
+    follow_script(duration_s);
+  } else {
+    integrate(duration_s);
+  }
   if (!is_finite(state_.joint_rad) || !is_finite(state_.joint_rad_s) || !is_finite(state_.hand.position_m) ||
       !is_finite(state_.hand.velocity_m_s)) {
     std::ostringstream message;
@@ -100,6 +122,17 @@ std::array<float, 3> Plant::measured_current_A() const {
 }
 
 Vec3d Plant::hand_force_N() const {
+  if (hand_kind_ == HandKind::scripted) {
+    const Vec3d torque_N_m = arm_.mass_matrix_kg_m2(state_.joint_rad) * joint_rad_s2_ +
+                             arm_.coriolis_torque_N_m(state_.joint_rad, state_.joint_rad_s) +
+                             arm_.gravity_torque_N_m(state_.joint_rad) -
+                             arm_.friction_torque_N_m(state_.joint_rad_s) -
+                             arm_.stop_torque_N_m(state_.joint_rad, state_.joint_rad_s) -
+                             arm_.drive_torque_N_m(amplifiers_.current_A(0.0));
+    Vec3d force_N{};
+    (void)solve(transpose(arm_.jacobian_m(state_.joint_rad)), torque_N_m, force_N);
+    return force_N;
+  }
   return hand_.force_N(state_.hand, tip_position_m(), tip_velocity_m_s(), grip_);
 }
 

@@ -17,11 +17,20 @@
 
 namespace palpate::plant {
 
+// What moves the tip.
+enum class HandKind {
+  impedance,  // a hand that follows the path and holds the tool (hand.hpp)
+  // The tip is where the path is, whatever the motors do: the programmed motion of Jacobs, Fu, Cavusoglu
+  // 2010, section 5.1.
+  scripted,
+};
+
 struct PlantParameters {
+  HandKind hand_kind = HandKind::impedance;
   ArmParameters arm{};
   AmplifierParameters amplifiers{};
-  HandParameters hand{};
-  double grip = 1.0;                          // at the start
+  HandParameters hand{};                      // impedance only
+  double grip = 1.0;                          // at the start; impedance only
   device::EncoderCounts encoder_reference{};  // what the encoders read in the reference pose
   double substep_s = 50e-6;                   // at most
 };
@@ -35,11 +44,11 @@ class Plant {
   Plant(const PlantParameters& parameters, TipPath intended);
 
   // Lets duration_s > 0 pass, usually one servo tick, with constant set-points; enabled false means no
-  // current. Throws std::invalid_argument for set-points that are not finite or a duration out of range, and
-  // std::runtime_error when the state stops being finite.
+  // current. Throws std::invalid_argument for set-points that are not finite, a duration out of range, or a
+  // scripted path that leaves the arm's workspace, and std::runtime_error when the state stops being finite.
   void advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s);
 
-  // grip in [0, 1], from now on; throws std::invalid_argument.
+  // grip in [0, 1], from now on; throws std::invalid_argument. Without effect on a scripted tip.
   void set_grip(double grip);
 
   [[nodiscard]] double time_s() const { return time_s_; }
@@ -55,7 +64,9 @@ class Plant {
   }
   [[nodiscard]] const Vec3d& hand_position_m() const { return state_.hand.position_m; }
   [[nodiscard]] Vec3d intended_position_m() const { return intended_.at(time_s_).position_m; }
-  // Of the hand on the tool; the hand feels the opposite.
+  // Of the hand on the tool; the hand feels the opposite. Scripted: the force that it takes to hold the tip
+  // on the path against the arm's inertia, weight and friction and the motors, with the joints' mean
+  // acceleration since the call of advance() before.
   [[nodiscard]] Vec3d hand_force_N() const;
   [[nodiscard]] double grip() const { return grip_; }
   [[nodiscard]] const ArmPlant& arm() const { return arm_; }
@@ -67,7 +78,10 @@ class Plant {
   };
   [[nodiscard]] State derivative(const State& state, double delay_s) const;
   void substep(double step_s);
+  void integrate(double duration_s);
+  void follow_script(double duration_s);
 
+  HandKind hand_kind_;
   ArmPlant arm_;
   Amplifiers amplifiers_;
   Hand hand_;
@@ -77,6 +91,7 @@ class Plant {
   double grip_ = 0.0;
   double time_s_ = 0.0;
   State state_{};
+  Vec3d joint_rad_s2_{};  // scripted: mean over the last advance()
 };
 
 }  // namespace palpate::plant

@@ -228,6 +228,64 @@ TEST(Plant, EveryPermittedHandIsIntegratedStably) {
         }
 }
 
+// A path with all three joints in motion.
+TipPath excursion() {
+  return TipPath::minimum_jerk({{0.0, {}}, {0.3, {0.03, 0.02, -0.02}}, {0.5, {-0.01, 0.0, 0.01}}});
+}
+
+TEST(ScriptedTip, IsOnThePathWhateverTheMotorsDo) {
+  constexpr double kRounding_m = 1e-15;  // of the kinematics and their inverse
+  const TipPath path = excursion();
+  Plant plant({.hand_kind = HandKind::scripted}, path);
+  for (int tick = 1; tick <= 600; ++tick) {
+    plant.advance({5.0f, -3.0f, static_cast<float>(tick % 7)}, tick % 2 == 0, kTick_s);
+    EXPECT_LE(norm(plant.tip_position_m() - path.at(plant.time_s()).position_m), kRounding_m) << tick;
+    // The encoders read the same angles, to half a count: 0.03 mm at the tip.
+    const Vec3f read_m = device::forward_kinematics(
+        device::kPremium15, device::joint_angles(device::kPremium15, plant.encoder_counts(), {}));
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(static_cast<double>(read_m[axis]), plant.tip_position_m()[axis], 6e-5);
+  }
+}
+
+// What hand and motors put in is what the arm takes up. The force is that of the end of a tick with the mean
+// acceleration over it: the balance closes to first order in the tick.
+TEST(ScriptedTip, HandForceBalancesTheArmsEnergy) {
+  const auto error_J = [](double tick_s) {
+    PlantParameters parameters = free_arm();
+    parameters.hand_kind = HandKind::scripted;
+    Plant plant(parameters, excursion());
+    const auto energy_J = [&] { return plant.arm().energy_J(plant.joint_rad(), plant.joint_rad_s()); };
+    const double start_J = energy_J();
+    double work_J = 0.0, worst_J = 0.0, largest_J = 0.0;
+    const auto ticks = static_cast<int>(std::lround(0.5 / tick_s));
+    for (int tick = 0; tick < ticks; ++tick) {
+      plant.advance({0.2f, -0.3f, 0.1f}, true, tick_s);
+      const auto current_A = plant.measured_current_A();
+      const Vec3d drive_N_m =
+          plant.arm().drive_torque_N_m({static_cast<double>(current_A[0]), static_cast<double>(current_A[1]),
+                                        static_cast<double>(current_A[2])});
+      work_J += tick_s *
+                (dot(plant.hand_force_N(), plant.tip_velocity_m_s()) + dot(drive_N_m, plant.joint_rad_s()));
+      worst_J = std::max(worst_J, std::abs(energy_J() - start_J - work_J));
+      largest_J = std::max(largest_J, std::abs(work_J));
+    }
+    EXPECT_GT(largest_J, 0.005);
+    EXPECT_LT(worst_J, 0.05 * largest_J);
+    return worst_J;
+  };
+  EXPECT_NEAR(error_J(1e-3) / error_J(5e-4), 2.0, 0.1);
+}
+
+TEST(ScriptedTip, MayNotLeaveTheWorkspace) {
+  Plant plant({.hand_kind = HandKind::scripted}, TipPath::minimum_jerk({{0.0, {}}, {0.1, {0.0, -0.5, 0.0}}}));
+  EXPECT_THROW(
+      {
+        for (int tick = 0; tick < 100; ++tick) plant.advance(kNoCurrent, false, kTick_s);
+      },
+      std::invalid_argument);
+}
+
 TEST(Plant, TwoRunsAreEqualToTheBit) {
   const auto run = [] {
     Plant plant(PlantParameters{}, TipPath::minimum_jerk({{0.0, {}}, {0.2, {0.02, 0.01, 0.03}}}));

@@ -89,6 +89,14 @@ void require_reach(const nb::dict& scene, const plant::PlantParameters& paramete
     const std::string name = "path: point " + std::to_string(i);
     (void)arm.joint_angles_rad({x[0], x[1], x[2]}, name.c_str());
   }
+  if (parameters.hand_kind != plant::HandKind::scripted) return;
+  // No hand gives way between the points: the straight line from one to the next may leave the workspace.
+  const plant::TipPath path = read_path(scene);
+  for (std::uint32_t tick = 0; tick <= whole(scene, "duration_ticks"); ++tick) {
+    const double time_s = tick * kTick_s;
+    const std::string name = "path: at " + std::to_string(time_s) + " s";
+    (void)arm.joint_angles_rad(path.at(time_s).position_m, name.c_str());
+  }
 }
 
 }  // namespace

@@ -130,6 +130,9 @@ plant::TipPath read_path(const nb::dict& scene) {
 plant::PlantParameters read_plant(const nb::dict& scene) {
   const nb::dict hand = table(scene, "hand"), device = table(scene, "device");
   plant::PlantParameters plant;
+  plant.hand_kind = choice<plant::HandKind>(
+      text(hand, "kind"), "hand.kind",
+      {{"impedance", plant::HandKind::impedance}, {"scripted", plant::HandKind::scripted}});
   plant.grip = number(hand, "grip");
   plant.hand.mass_kg = number(hand, "mass_kg");
   plant.hand.stiffness_N_m = number(hand, "stiffness_N_m");

@@ -66,7 +66,14 @@ TICKS = (
     ),
     _tick("true_tip_m", "f8", 3, "m", "tip position in the plant, without quantization"),
     _tick("hand_target_m", "f8", 3, "m", "where the hand means to be"),
-    _tick("hand_force_N", "f8", 3, "N", "force of the hand on the device"),
+    _tick(
+        "hand_force_N",
+        "f8",
+        3,
+        "N",
+        "force of the hand on the device; of a scripted one, what holds the tip on its path: against the arm's inertia, "
+        "weight and friction and the motors",
+    ),
     _tick("link_up_bytes", "u4", 0, "bytes", "bytes that left the link's board end in this tick"),
     _tick("link_down_bytes", "u4", 0, "bytes", "bytes that reached the board in this tick"),
     _tick("missed_deadlines", "u4", 0, "", "servo ticks so far that took too long", hashed=False),

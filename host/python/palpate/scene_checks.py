@@ -1,6 +1,7 @@
 """Checks that relate several keys of a scene to each other; those of one key alone are in `scene_sections`."""
 
 import math
+from dataclasses import fields
 from itertools import product
 
 from palpate.scene_schema import Reader, SceneError
@@ -165,6 +166,14 @@ def _check_path(reader: Reader, path: Path) -> None:
 
 
 def _check_hand(reader: Reader, hand: Hand) -> None:
+    if hand.kind == "scripted":
+        for field in fields(hand):
+            value = getattr(hand, field.name)
+            if field.name != "kind" and value != field.default:
+                raise reader.problem(
+                    f"hand.{field.name}",
+                    'given together with hand.kind = "scripted"; must be left out, for nothing gives way',
+                )
     for i in range(1, len(hand.grip_changes)):
         time_s, before_s = hand.grip_changes[i].time_s, hand.grip_changes[i - 1].time_s
         if time_s <= before_s:

@@ -176,6 +176,12 @@ class GripChange:
 class Hand:
     """The hand: a mass that a spring and a damper pull along the path, and a grip between it and the tip."""
 
+    kind: str = key(
+        Choice(("impedance", "scripted")),
+        "`impedance`: it gives way to forces as the keys below say; `scripted`: the tip is exactly on [path] in every "
+        "tick, whatever the motors do, and no other key of [hand] may be given",
+        default="impedance",
+    )
     grip: float = key(
         Number(0.0, 1.0), "how tight: 1 as the grip's stiffness and damping say, 0 let go", default=1.0
     )
@@ -362,14 +368,14 @@ class SceneFile:
     path: Path | None = section(
         Path,
         "Where the tip goes. For `palpate run` this is where the *hand* means to go: its stiffness lets the tip lag "
-        "behind; for `palpate simulate` the tip itself is there. Before its first point and after its last the path "
+        "behind; for `palpate simulate`, and with `hand.kind = \"scripted\"`, the tip itself is there. Before its first point and after its last the path "
         "rests. A scene without [path] is a body that moves on its own (`palpate simulate` only).",
         optional=True,
     )
     hand: Hand = section(
         Hand,
         "The hand that holds the tool (`palpate run` only). The tip gives way by force / `stiffness_N_m` + force / "
-        "`grip_stiffness_N_m`.",
+        "`grip_stiffness_N_m`, unless it is scripted.",
     )
     device: Device = section(
         Device,

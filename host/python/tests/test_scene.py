@@ -317,6 +317,15 @@ BAD = {
         GOOD + "[hand]\ngrip_changes = [{ time_s = 0.5, grip = 0.1 }, { time_s = 0.5, grip = 0.2 }]",
         "scene.toml: hand.grip_changes[1].time_s = 0.5: must be greater than the previous time 0.5 s",
     ),
+    "hand of another kind": (
+        GOOD + '[hand]\nkind = "robot"',
+        'scene.toml: hand.kind = "robot": must be one of "impedance", "scripted"',
+    ),
+    "scripted hand with a grip": (
+        GOOD + '[hand]\nkind = "scripted"\ngrip_changes = [{ time_s = 0.5, grip = 0.1 }]',
+        'scene.toml: hand.grip_changes: given together with hand.kind = "scripted"; must be left out, '
+        "for nothing gives way",
+    ),
     "update rate": (
         GOOD + "[rates]\nmodel_update_Hz = 0",
         "scene.toml: rates.model_update_Hz = 0: must be in [1, 250] Hz",
