@@ -33,11 +33,11 @@ _SENSOR = struct.Struct("<II3i3fII")
 ACTUATOR_FRAME = np.dtype([
     ("magic", "<u4"), ("tick", "<u4"), ("next_tick", "<u4"), ("setpoint_A", "<f4", 3), ("enabled", "<u4"),
     ("tip_m", "<f4", 3), ("force_N", "<f4", 3), ("contact_mode", "<u4"), ("triangle", "<u4"),
-    ("barycentric", "<f4", 3), ("mode", "<u4"), ("faults", "<u4"), ("model_sequence", "<u4"),
+    ("barycentric", "<f4", 3), ("normal", "<f4", 3), ("mode", "<u4"), ("faults", "<u4"), ("model_sequence", "<u4"),
     ("model_age_ticks", "<u4"), ("catch_up_ticks", "<u4"), ("missed_deadlines", "<u4"), ("background_overruns", "<u4"),
     ("tick_count", "<u4"), ("busy_count", "<u4"), ("clock_Hz", "<u4"), ("link_length", "<u4"),
     ("link", "u1", LINK_BYTES_PER_TICK)])
-assert _SENSOR.size == 40 and ACTUATOR_FRAME.itemsize == 116 + LINK_BYTES_PER_TICK
+assert _SENSOR.size == 40 and ACTUATOR_FRAME.itemsize == 128 + LINK_BYTES_PER_TICK
 
 # shared/status.hpp and palpate.BoardStatus
 OK, PORT_UNKNOWN, SCHEMA_MISMATCH, TOKEN_WRONG = 0, 16, 18, 49

@@ -81,6 +81,7 @@ class EmulatedBoard {
     frame.contact_mode = report.contact_mode;
     frame.triangle = report.triangle;
     frame.barycentric = {report.barycentric.x, report.barycentric.y, report.barycentric.z};
+    frame.normal = {report.normal.x, report.normal.y, report.normal.z};
     frame.mode = report.mode;
     frame.faults = report.faults;
     frame.model_sequence = report.model_sequence;

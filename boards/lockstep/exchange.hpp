@@ -64,6 +64,7 @@ struct ActuatorFrame {
   std::uint32_t contact_mode;
   std::uint32_t triangle;
   std::array<float, 3> barycentric;
+  std::array<float, 3> normal;   // unit outward normal of the contact; zero when free
   std::uint32_t mode;            // palpate.BoardStatus MODE_*
   std::uint32_t faults;          // bits of palpate::firmware::Fault
   std::uint32_t model_sequence;  // of the active model; 0: none
@@ -79,6 +80,6 @@ struct ActuatorFrame {
 };
 
 static_assert(sizeof(SensorFrame) == 40 + kLinkBytesPerTick);
-static_assert(sizeof(ActuatorFrame) == 116 + kLinkBytesPerTick);
+static_assert(sizeof(ActuatorFrame) == 128 + kLinkBytesPerTick);
 
 }  // namespace palpate::lockstep

@@ -122,6 +122,7 @@ TickReport App<Board>::report(const ServoOutput& output) const {
           .contact_mode = static_cast<std::uint32_t>(output.sample.mode),
           .triangle = output.sample.triangle,
           .barycentric = output.sample.barycentric,
+          .normal = renderer_.contact_normal(),
           .mode = static_cast<std::uint32_t>(output.mode),
           .faults = output.faults,
           .model_sequence = renderer_.model_sequence(),

@@ -261,6 +261,12 @@ std::uint32_t Renderer::model_age_ticks() const {
          slots_[active_.load(std::memory_order_relaxed)].model_tick;
 }
 
+Vec3f Renderer::contact_normal() const {
+  if (!have_model_.load(std::memory_order_relaxed)) return {};
+  const ContactState<float>& contact = slots_[active_.load(std::memory_order_relaxed)].contact;
+  return contact.mode == ContactMode::free ? Vec3f{} : contact.normal;
+}
+
 std::uint32_t Renderer::model_valid_ticks() const {
   return have_model_.load(std::memory_order_relaxed)
              ? slots_[active_.load(std::memory_order_relaxed)].valid_ticks

@@ -71,7 +71,9 @@ class Renderer {
   // Interrupt context.
   [[nodiscard]] std::uint32_t model_sequence() const;   // of the active model; 0: none
   [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
-  [[nodiscard]] std::uint32_t catch_up_ticks() const;   // that the shadow lags behind; 0: none is catching up
+  // Unit outward normal in which the force of the newest tick was found; zero when free.
+  [[nodiscard]] Vec3f contact_normal() const;
+  [[nodiscard]] std::uint32_t catch_up_ticks() const;  // that the shadow lags behind; 0: none is catching up
   [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
   // Forgets the models (outputs must be off): the next one starts afresh.
   void isr_reset();

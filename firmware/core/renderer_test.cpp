@@ -142,6 +142,8 @@ TEST(Renderer, AModelIsRenderedAsIfItHadBeenThereFromItsTickOn) {
       EXPECT_EQ(sample.force_N, expected.force_N) << "tick " << tick;
       EXPECT_EQ(sample.mode, expected.mode);
       EXPECT_EQ(runner.renderer->model_age_ticks(), tick - model_tick);
+      EXPECT_EQ(runner.renderer->contact_normal(),
+                expected.mode == ContactMode::free ? Vec3f{} : expected.normal);
       if (expected.mode == ContactMode::free) continue;
       ++contact_ticks;
       EXPECT_EQ(sample.barycentric, expected.barycentric);

@@ -93,6 +93,7 @@ struct TickReport {
   std::uint32_t contact_mode = 0;
   std::uint32_t triangle = 0;
   Vec3f barycentric{};
+  Vec3f normal{};            // unit outward normal of the contact; zero when free
   std::uint32_t mode = 0;    // Mode
   std::uint32_t faults = 0;  // bits of Fault
   std::uint32_t model_sequence = 0;

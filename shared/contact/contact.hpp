@@ -226,6 +226,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
     return;
   }
   state.force_N = solution.force_N;
+  state.normal = normal;
   surface.apply(state.triangle, state.barycentric, solution.force_N);
   if (solution.mode == ContactMode::slip) contact_detail::slide(surface, state, to);
 }

@@ -16,6 +16,7 @@ struct ContactState {
   std::uint32_t triangle = 0;  // index in the surface; only with mode != free
   Vec3<Real> barycentric{};    // contact point on it; weights of its corners, sum 1
   Vec3<Real> force_N{};        // of the tip on the body during the last step
+  Vec3<Real> normal{};         // unit outward normal in which that force was found; only with mode != free
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here

@@ -32,6 +32,7 @@ void add_ticks(nb::dict& result, const std::vector<LoopTick>& ticks) {
       column<std::uint8_t>(ticks, [](const LoopTick& t) { return t.board.contact_mode; });
   result["ticks/triangle"] = column<std::uint32_t>(ticks, [](const LoopTick& t) { return t.board.triangle; });
   result["ticks/barycentric"] = columns3<float>(ticks, [](const LoopTick& t) { return t.board.barycentric; });
+  result["ticks/normal"] = columns3<float>(ticks, [](const LoopTick& t) { return t.board.normal; });
   result["ticks/mode"] = column<std::uint8_t>(ticks, [](const LoopTick& t) { return t.board.mode; });
   result["ticks/faults"] = column<std::uint32_t>(ticks, [](const LoopTick& t) { return t.board.faults; });
   result["ticks/model_sequence"] =

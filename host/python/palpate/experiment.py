@@ -202,26 +202,15 @@ def _title(scene: Scene, what: str) -> str:
     return f"{scene.sections.title or scene.file.stem}: {what}"
 
 
-def _rest_normals(values: Mapping[str, NDArray[Any]], mode: NDArray[Any]) -> NDArray[np.float64]:
-    """Outward normals (n, 3) at rest of the triangles that a run touched; NaN when free."""
-    corners = values["body/rest_m"][values["body/triangles"]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    touching = mode != 0
-    normals = np.full((len(mode), 3), np.nan)
-    normals[touching] = normal[values["ticks/triangle"][touching]]
-    return normals
-
-
 def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
     mode = values["ticks/contact_mode"]
-    normal = _rest_normals(values, mode)
+    normal = np.where((mode != 0)[:, None], values["ticks/normal"], np.nan)
     reference = None
     if "reference/force_N" in values:
         reference = figures.ForceTrace(values["reference/force_N"], values["reference/contact_mode"])
-        normal = np.where(np.isfinite(values["reference/normal"]), values["reference/normal"], normal)
+        normal = np.where(np.isfinite(normal), normal, values["reference/normal"])
     age = values["ticks/model_age_ticks"].astype(np.float64)
     age[values["ticks/model_sequence"] == 0] = np.nan
     figures.save_forces(

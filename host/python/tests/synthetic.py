@@ -87,6 +87,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "ticks/contact_mode": mode,
         "ticks/triangle": zeros,
         "ticks/barycentric": vectors + 1 / 3,
+        "ticks/normal": np.where((mode == 0)[:, None], 0.0, [0.0, 0.0, 1.0]),
         "ticks/mode": zeros + 3,
         "ticks/faults": zeros,
         "ticks/model_sequence": sequence,
