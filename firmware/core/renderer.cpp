@@ -100,11 +100,14 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   if (payload.size() < wire::payload_bytes(m)) return Status::payload_malformed;
   if (m.modes > kMaxModes || m.nodes > kMaxSurfaceNodes || m.triangles > kMaxTriangles)
     return Status::model_too_large;
-  if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0) return Status::model_inconsistent;
+  if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0 ||
+      m.surface > static_cast<std::uint8_t>(SurfaceKind::flat))
+    return Status::model_inconsistent;
 
   slot.view = LocalModelView{.modes = m.modes,
                              .nodes = m.nodes,
                              .triangles = m.triangles,
+                             .surface = static_cast<SurfaceKind>(m.surface),
                              .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
                              .position_m = m.position_m.elements,
                              .corner = m.corner.elements,

@@ -259,6 +259,7 @@ INSTANTIATE_TEST_SUITE_P(
                    [](auto& m) { m.kinetic_friction = m.static_friction = -0.1f; }},
         BadMessage{"nan_friction", Status::model_inconsistent, [](auto& m) { m.static_friction = kNan; }},
         BadMessage{"negative_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = -0.001f; }},
+        BadMessage{"unknown_surface", Status::model_inconsistent, [](auto& m) { m.surface = 2; }},
         BadMessage{"no_horizon", Status::model_inconsistent, [](auto& m) { m.valid_ticks = 0; }},
         BadMessage{"too_old", Status::model_too_old, [](auto& m) { m.tick -= kTipHistory; }},
         BadMessage{"from_the_future", Status::model_from_future, [](auto& m) { m.tick += 500; }}),
@@ -270,7 +271,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(message);
   // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 74;
+  constexpr std::size_t kPositionCount = 75;
   ASSERT_EQ(payload[kPositionCount], 12);
   payload[kPositionCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

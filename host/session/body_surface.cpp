@@ -11,12 +11,13 @@
 
 namespace palpate::host {
 
-BodySurface::BodySurface(const Body& body, BodyState start, double step_s)
+BodySurface::BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind)
     : body_(body),
       integrator_(body),
       state_(std::move(start)),
       before_m_(state_.position_m),
-      step_s_(step_s) {
+      step_s_(step_s),
+      kind_(kind) {
   if (!(step_s > 0.0) || step_s > integrator_.largest_step_s()) {
     std::ostringstream message;
     message << "step_s = " << step_s << ": must be in (0, " << integrator_.largest_step_s()
@@ -64,16 +65,19 @@ Vec3d BodySurface::position_before(std::uint32_t node) const {
   return from_eigen(before_m_.col(static_cast<Eigen::Index>(node)));
 }
 
+Vec3d BodySurface::area_before(std::uint32_t triangle) const {
+  const auto corner = corners(triangle);
+  const Vec3d a = position_before(corner[0]);
+  return cross(position_before(corner[1]) - a, position_before(corner[2]) - a);
+}
+
 Vec3d BodySurface::normal_before(std::uint32_t triangle, const Vec3d& barycentric) const {
+  if (kind_ == SurfaceKind::flat) return normalized(area_before(triangle));
   const auto corner = corners(triangle);
   Vec3d sum{};
   for (std::size_t c = 0; c < 3; ++c) {
     Vec3d vertex{};
-    for (const std::uint32_t t : triangles_of_[corner[c]]) {
-      const auto k = corners(t);
-      const Vec3d a = position_before(k[0]);
-      vertex += cross(position_before(k[1]) - a, position_before(k[2]) - a);
-    }
+    for (const std::uint32_t t : triangles_of_[corner[c]]) vertex += area_before(t);
     sum += normalized(vertex) * barycentric[c];
   }
   return normalized(sum);

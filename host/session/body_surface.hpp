@@ -8,6 +8,7 @@
 #include "host/msd/body.hpp"
 #include "host/msd/semi_implicit_euler.hpp"
 #include "shared/contact/contact.hpp"
+#include "shared/contact/surface_kind.hpp"
 
 namespace palpate::host {
 
@@ -21,7 +22,7 @@ class BodySurface {
   static constexpr double kTargetExtrapolation = 0.0;
 
   // Throws std::invalid_argument for a step that is not stable, naming it and the bound.
-  BodySurface(const Body& body, BodyState start, double step_s);
+  BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind = SurfaceKind::smooth);
 
   [[nodiscard]] std::uint32_t triangle_count() const {
     return static_cast<std::uint32_t>(body_.triangles().size());
@@ -46,12 +47,15 @@ class BodySurface {
 
  private:
   [[nodiscard]] double inverse_mass_1_kg(std::uint32_t node) const;
+  // Normal of a triangle, as long as twice its area.
+  [[nodiscard]] Vec3d area_before(std::uint32_t triangle) const;
 
   const Body& body_;
   SemiImplicitEuler integrator_;
   BodyState state_;
   Eigen::Matrix3Xd before_m_;
   double step_s_;
+  SurfaceKind kind_;
   double longest_edge_m_ = 0;
   std::vector<std::vector<std::uint32_t>> triangles_of_;  // per node
 };

@@ -6,6 +6,7 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -129,6 +130,21 @@ TEST(BodySurface, NormalsAreContinuousAcrossEdges) {
         EXPECT_NEAR(norm(normal), 1.0, kRounding);
       }
     }
+  }
+}
+
+TEST(BodySurface, FlatNormalsAreThoseOfTheTriangles) {
+  const Body body = block(4);
+  const BodySurface surface(body, test::random_state(body, 2, 2e-3, 0.0), 1e-4, SurfaceKind::flat);
+  for (std::uint32_t t = 0; t < surface.triangle_count(); ++t) {
+    const auto corner = surface.corners(t);
+    const Vec3d normal = surface.normal_before(t, {0.7, 0.1, 0.2});
+    EXPECT_NEAR(norm(normal), 1.0, kRounding);
+    const Vec3d first = surface.position(corner[1]) - surface.position(corner[0]);
+    const Vec3d second = surface.position(corner[2]) - surface.position(corner[0]);
+    EXPECT_LE(std::abs(dot(normal, first)), kRounding);
+    EXPECT_LE(std::abs(dot(normal, second)), kRounding);
+    EXPECT_GT(dot(normal, cross(first, second)), 0.0);
   }
 }
 

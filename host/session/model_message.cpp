@@ -41,7 +41,7 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
 }  // namespace
 
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
-                const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+                SurfaceKind surface, const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
   const auto modes = static_cast<std::size_t>(model.modes());
   const std::size_t nodes = model.node.size(), triangles = model.triangle.size();
   require_at_most(modes, kMaxModes, "modes");
@@ -61,6 +61,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   message.tip_radius_m = narrow(law.tip_radius_m);
   message.static_friction = narrow(law.static_friction);
   message.kinetic_friction = narrow(law.kinetic_friction);
+  message.surface = static_cast<std::uint8_t>(surface);
   pack_contact(contact, message.contact);
 
   message.position_m.count = 3 * nodes;

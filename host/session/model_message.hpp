@@ -5,6 +5,7 @@
 
 #include "host/linearize/local_model.hpp"
 #include "shared/contact/contact_state.hpp"
+#include "shared/contact/surface_kind.hpp"
 #include "shared/wire/messages.hpp"
 
 namespace palpate::host {
@@ -20,6 +21,6 @@ struct ModelStamp {
 // step, 1.5e-5 of that largest entry. Throws std::invalid_argument, naming the count and the bound, for a
 // model beyond the capacities of the wire, and for one with numbers that single precision cannot hold.
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
-                const ContactState<double>& contact, palpate_LocalModel_1_0& message);
+                SurfaceKind surface, const ContactState<double>& contact, palpate_LocalModel_1_0& message);
 
 }  // namespace palpate::host

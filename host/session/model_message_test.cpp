@@ -30,7 +30,7 @@ class ModelMessageTest : public ::testing::Test {
     contact_.barycentric = {0.2, 0.3, 0.5};
     contact_.force_N = {0.1, -0.2, -0.7};
   }
-  void pack() { pack_model(model_, stamp_, law_, contact_, *message_); }
+  void pack() { pack_model(model_, stamp_, law_, SurfaceKind::flat, contact_, *message_); }
   std::string refusal() {
     return message_of<std::invalid_argument>([&] { pack(); });
   }
@@ -55,6 +55,7 @@ TEST_F(ModelMessageTest, CarriesTheModelInSinglePrecision) {
   EXPECT_EQ(m.static_friction, 0.8f);
   EXPECT_EQ(m.kinetic_friction, 0.6f);
   EXPECT_EQ(m.tip_radius_m, 0.002f);
+  EXPECT_EQ(m.surface, palpate_LocalModel_1_0_SURFACE_FLAT);
   EXPECT_EQ(m.contact.mode, static_cast<std::uint8_t>(ContactMode::slip));
   EXPECT_EQ(m.contact.triangle, 300u);
   EXPECT_EQ(m.contact.barycentric[2], 0.5f);

@@ -48,7 +48,7 @@ class Recorder {
 
 void run_with_tip(const Body& body, const BodyState& start, const SimulationConfig& config,
                   Recorder& recorder) {
-  BodySurface surface(body, start, config.step_s);
+  BodySurface surface(body, start, config.step_s, config.surface);
   ContactState<double> contact;
   SimulationResult& result = recorder.result;
   double peak_N = 0.0;

@@ -10,6 +10,7 @@
 #include "host/msd/body.hpp"
 #include "host/msd/integrator.hpp"
 #include "shared/contact/contact_state.hpp"
+#include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate::host {
@@ -22,6 +23,7 @@ struct SimulationConfig {
   Method method = Method::semi_implicit_euler;  // with a tip: semi_implicit_euler only
   double step_s = 1e-4;                         // divides the servo tick
   ContactLaw<double> law{};
+  SurfaceKind surface = SurfaceKind::smooth;
   std::uint32_t ticks = 0;
   // Tip position at the end of tick 0 (the start), 1, ..., ticks; or empty: no tip.
   std::vector<Vec3d> tip_m;

@@ -50,7 +50,7 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
   // Node positions at the end and at the start of the newest step.
   { s.position(i) } -> std::same_as<Vec3<typename S::Real>>;
   { s.position_before(i) } -> std::same_as<Vec3<typename S::Real>>;
-  // Unit outward normal at a point of triangle `i` at the start of the newest step: continuous across edges.
+  // Unit outward normal at a point of triangle `i` at the start of the newest step (surface_kind.hpp).
   { s.normal_before(i, v) } -> std::same_as<Vec3<typename S::Real>>;
   // One step without contact force; then the response of a point; then the force on it.
   {s.advance()};

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/status.hpp"
 
@@ -24,6 +25,7 @@ struct LocalModelView {
   std::size_t modes = 0;
   std::size_t nodes = 0;
   std::size_t triangles = 0;
+  SurfaceKind surface = SurfaceKind::smooth;
   Vec3f origin_m{};
   const float* position_m = nullptr;     // nodes x 3, at q = 0
   const std::uint8_t* corner = nullptr;  // triangles x 3, node indices, counter-clockwise seen from outside

@@ -157,7 +157,7 @@ bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const
 void ModalSurface::prepare(std::uint32_t triangle) {
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
-    if (normal_is_fresh(node, step_ + 1)) continue;
+    if (model_.surface == SurfaceKind::flat || normal_is_fresh(node, step_ + 1)) continue;
     for (std::uint32_t k = 0; k < triangle_count_of_[node]; ++k)
       for (const std::uint32_t around : corners(triangles_of_[node][k])) (void)position(around);
   }
@@ -177,6 +177,10 @@ Vec3f ModalSurface::node_normal_before(std::uint32_t node) {
 
 Vec3f ModalSurface::normal_before(std::uint32_t triangle, const Vec3f& barycentric) {
   const auto corner = corners(triangle);
+  if (model_.surface == SurfaceKind::flat) {
+    const Vec3f a = before_[corner[0]];
+    return normalized(cross(before_[corner[1]] - a, before_[corner[2]] - a));
+  }
   return normalized(node_normal_before(corner[0]) * barycentric.x +
                     node_normal_before(corner[1]) * barycentric.y +
                     node_normal_before(corner[2]) * barycentric.z);

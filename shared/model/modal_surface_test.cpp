@@ -135,6 +135,23 @@ TEST(ModalSurface, NormalsFollowTheNodesAround) {
   EXPECT_GT(moved, 3 * kTurn);
 }
 
+TEST(ModalSurface, AFlatSurfaceHasTheNormalsOfItsTriangles) {
+  test::TestModel model(1e-3, 20, 60, 1.0);
+  for (std::size_t m = 0; m < 12; ++m) model.state.q[m] = 2e-5f * static_cast<float>(m % 3);
+  model.view.surface = SurfaceKind::flat;
+  ModalSurface surface;
+  surface.bind(model.view, model.state);
+  for (std::uint32_t t = 0; t < 2; ++t) {
+    surface.prepare(t);
+    surface.advance();
+    const auto corner = surface.corners(t);
+    const Vec3f a = surface.position_before(corner[0]);
+    const Vec3f expected =
+        normalized(cross(surface.position_before(corner[1]) - a, surface.position_before(corner[2]) - a));
+    EXPECT_LT(norm(surface.normal_before(t, {0.5f, 0.2f, 0.3f}) - expected), 1e-6f);  // some roundings
+  }
+}
+
 // The contact's inversion of the sampled system must not ring (docs/decisions/contact_output.md): after the
 // tip has jumped by 0.1 mm, the alternating part of the force is below 1 % of the jump's first force within
 // ten ticks.

@@ -70,6 +70,7 @@ std::unique_ptr<palpate_LocalModel_1_0> model(std::size_t modes, std::size_t nod
   message->tip_radius_m = 1e-3f;
   message->static_friction = 1.0f;
   message->kinetic_friction = 0.75f;
+  message->surface = palpate_LocalModel_1_0_SURFACE_FLAT;
   message->contact.mode = palpate_Contact_1_0_MODE_SLIP;
   message->contact.triangle = 4321;
   for (float& value : message->contact.barycentric) value = number(random);
@@ -157,13 +158,13 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   std::size_t written = 0;
   EXPECT_EQ(serialize(*large, out, written), Status::payload_malformed);
 
-  // On the way in: each length prefix of an empty model raised beyond its bound. They follow 68 bytes of
+  // On the way in: each length prefix of an empty model raised beyond its bound. They follow 75 bytes of
   // fixed fields.
   const Bytes empty = to_bytes(*model(0, 0, 0));
   struct Prefix {
     std::size_t at, bytes, bound;
   };
-  constexpr std::size_t kFixedBytes = 74;
+  constexpr std::size_t kFixedBytes = 75;
   for (const Prefix& prefix :
        {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 2, 1152}, Prefix{6, 1, 192},
         Prefix{7, 1, 192}, Prefix{8, 1, 192}, Prefix{9, 1, 192}, Prefix{10, 2, 9216}}) {

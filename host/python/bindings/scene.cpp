@@ -111,6 +111,11 @@ ContactLaw<double> read_contact(const nb::dict& scene) {
           number(table(scene, "tool"), "radius_m")};
 }
 
+SurfaceKind read_surface(const nb::dict& scene) {
+  return choice<SurfaceKind>(text(table(scene, "contact"), "surface"), "contact.surface",
+                             {{"smooth", SurfaceKind::smooth}, {"flat", SurfaceKind::flat}});
+}
+
 plant::TipPath read_path(const nb::dict& scene) {
   const nb::dict path = table(scene, "path");
   const auto time_s =
@@ -152,6 +157,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene) {
   config.ticks = whole(scene, "duration_ticks");
   config.host_delay_ticks = whole(rates, "host_delay_ticks");
   config.session.law = read_contact(scene);
+  config.session.surface = read_surface(scene);
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
   const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);

@@ -21,6 +21,7 @@ host::Body read_body(const nb::dict& scene);
 // At rest but for the scene's initial displacements.
 host::BodyState read_start(const nb::dict& scene, const host::Body& body);
 ContactLaw<double> read_contact(const nb::dict& scene);
+SurfaceKind read_surface(const nb::dict& scene);
 plant::TipPath read_path(const nb::dict& scene);
 plant::PlantParameters read_plant(const nb::dict& scene);
 host::ClosedLoopConfig read_closed_loop(const nb::dict& scene);

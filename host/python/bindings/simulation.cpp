@@ -28,6 +28,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
   config.method = read_method(scene);
   config.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.law = read_contact(scene);
+  config.surface = read_surface(scene);
   config.ticks = whole(scene, "duration_ticks");
   config.export_ticks = whole_list(table(scene, "outputs"), "node_ticks");
   const bool has_tip = !scene["path"].is_none();
@@ -71,6 +72,7 @@ nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& 
   host::SimulationConfig config;
   config.step_s = kTick_s / whole(table(scene, "reference"), "steps_per_tick");
   config.law = read_contact(scene);
+  config.surface = read_surface(scene);
   // Rows may skip ticks that the board lost: the tip goes straight between them, as the board's own history
   // has it.
   const std::size_t rows = time_s.shape(0);

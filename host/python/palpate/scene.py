@@ -70,7 +70,11 @@ class Scene:
         values["duration_ticks"] = self.duration_ticks
         values["body"] = _body_dict(self.sections.body, self.damping_N_s_m)
         static, kinetic = self.friction
-        values["contact"] = {"static_friction": static, "kinetic_friction": kinetic}
+        values["contact"] = {
+            "static_friction": static,
+            "kinetic_friction": kinetic,
+            "surface": self.sections.contact.surface,
+        }
         values["integrator"]["steps_per_tick"] = steps_per_tick(self.sections.integrator.step_s)
         values["reference"]["steps_per_tick"] = steps_per_tick(self.sections.reference.step_s)
         values["outputs"]["node_ticks"] = [

@@ -101,7 +101,7 @@ class Integrator:
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """Coulomb friction between tip and body."""
+    """Contact of the tip with the body: Coulomb friction, and the surface that is touched."""
 
     friction: float | None = key(
         Number(0.0, 10.0),
@@ -120,6 +120,12 @@ class Contact:
         "coefficient while it slips; at most `static_friction`",
         default=None,
         default_text="`static_friction`",
+    )
+    surface: str = key(
+        Choice(("smooth", "flat")),
+        "what the triangles stand for; `smooth`: the normal is interpolated between nodes; `flat`: it is that of the "
+        "triangle, as in the paper",
+        default="smooth",
     )
 
 
@@ -363,7 +369,7 @@ class SceneFile:
         Body, "The lattice: point masses, and springs with dampers between neighbours.", required=True
     )
     integrator: Integrator = section(Integrator, "How the full body is stepped on the host.")
-    contact: Contact = section(Contact, "Coulomb friction between tip and body.")
+    contact: Contact = section(Contact, "Contact of the tip with the body: Coulomb friction, and the surface that is touched.")
     tool: Tool = section(Tool, "What touches the body.")
     path: Path | None = section(
         Path,

@@ -68,7 +68,7 @@ def test_defaults_of_a_small_scene(load: Load) -> None:
     assert given["body"]["nodes"] == [4, 5, 6]
     # Table 2 of the paper: sqrt(2 * 1 g * 100 N/m) at damping ratio 1
     assert given["body"]["damping_N_s_m"] == pytest.approx(math.sqrt(0.2), rel=1e-15)
-    assert given["contact"] == {"static_friction": 0.5, "kinetic_friction": 0.5}
+    assert given["contact"] == {"static_friction": 0.5, "kinetic_friction": 0.5, "surface": "smooth"}
     assert given["integrator"]["steps_per_tick"] == 10
     assert given["path"]["interpolation"] == "minimum_jerk"
     np.testing.assert_array_equal(given["path"]["time_s"], [0.0, 0.5])
@@ -265,6 +265,10 @@ BAD = {
     "friction twice": (
         GOOD.replace("friction = 0.5", "friction = 0.5\nstatic_friction = 0.5"),
         "scene.toml: contact.static_friction: given together with contact.friction = 0.5; must be only one",
+    ),
+    "unknown surface": (
+        GOOD.replace("friction = 0.5", 'surface = "round"'),
+        'scene.toml: contact.surface = "round": must be one of "smooth", "flat"',
     ),
     "kinetic friction alone": (
         GOOD.replace("friction = 0.5", "kinetic_friction = 0.5"),
