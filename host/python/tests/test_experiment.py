@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import fake_core
-import numpy as np
 import pytest
-from synthetic import run_values
 
 from palpate import experiment, hil, record, record_layout
 from palpate.experiment import ProgressBar
@@ -109,13 +107,3 @@ def test_what_the_core_refuses_is_bad_input_of_the_scene(tmp_path: Path) -> None
         experiment.simulate(Refusing, scene, tmp_path / "out", silent)
     assert str(caught.value) == f"{scene.file}: integrator.step_s = 0.001: must be in (0, 0.00025] s"
     assert not (tmp_path / "out").exists()
-
-
-def test_normals_at_rest_point_outwards() -> None:
-    values, _ = run_values(ticks=100)
-    conformed = record.conform(record_layout.RUN, values)
-    corners = conformed["body/rest_m"][conformed["body/triangles"]].mean(axis=1)
-    centre = conformed["body/rest_m"].mean(axis=0)
-    conformed["ticks/triangle"] = np.arange(100, dtype=np.uint32)
-    normals = experiment._rest_normals(conformed, np.ones(100))
-    assert np.all(np.einsum("ij,ij->i", normals, corners[:100] - centre) > 0)
