@@ -7,7 +7,7 @@ from board_peer import LinkCodec, BoardInfo, lockstep, parse_status, square_mode
 
 OK, PAYLOAD_MALFORMED, SCHEMA_MISMATCH, TOO_LARGE, NOT_FINITE, INCONSISTENT, TOO_OLD, FROM_FUTURE = (
     0, 17, 18, 32, 33, 34, 35, 37)
-_TICK_AT, _FRICTION_AT, _MODES_AT = 12, 38, 18
+_TICK_AT, _FRICTION_AT, _MODES_AT, _SURFACE_AT = 12, 38, 18, 46
 
 
 def patched(model: bytes, at: int, kind: str, value: float) -> bytes:
@@ -22,6 +22,7 @@ BAD = {
                              + m[-2 - 16 * 3 * 3 * 2:], {NOT_FINITE}),
     "other schema": (lambda m: patched(m, 4, "<Q", 1), {SCHEMA_MISMATCH}),
     "more modes than fit": (lambda m: patched(m, _MODES_AT, "<H", 1000), {TOO_LARGE}),
+    "unknown kind of surface": (lambda m: patched(m, _SURFACE_AT, "<B", 7), {INCONSISTENT}),
     "cut off": (lambda m: m[:100], {PAYLOAD_MALFORMED, INCONSISTENT}),
     "of the future": (lambda m: patched(m, _TICK_AT, "<I", 100_000), {FROM_FUTURE}),
 }
