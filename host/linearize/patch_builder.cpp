@@ -21,9 +21,11 @@ int surface_limit(const LocalModelCapacity& capacity, Eigen::Index modes) {
 }  // namespace
 
 LocalModel build_subset_model(const Body& body, const BodyState& state, const std::vector<int>& nodes,
-                              const SurfacePoint& contact, double step_s,
-                              const LocalModelCapacity& capacity) {
-  const SubsetTangent tangent = subset_tangent(body, state, nodes);
+                              const SurfacePoint& contact, double step_s, const LocalModelCapacity& capacity,
+                              const std::vector<int>& held) {
+  std::vector<int> moving = nodes;
+  std::erase_if(moving, [&](int node) { return std::binary_search(held.begin(), held.end(), node); });
+  const SubsetTangent tangent = subset_tangent(body, state, moving);
   const Eigen::Index dofs = tangent.mass_kg.size();
   if (dofs > capacity.modes)
     throw std::invalid_argument("the local model has " + std::to_string(dofs) + " modes, allowed: at most " +
@@ -78,8 +80,9 @@ LocalModel build_subset_model(const Body& body, const BodyState& state, const st
 }
 
 LocalModel build_patch(const Body& body, const BodyState& state, const SurfacePoint& contact,
-                       const PatchSize& size, double step_s, const LocalModelCapacity& capacity) {
-  return build_subset_model(body, state, select_patch(body, contact, size), contact, step_s, capacity);
+                       const PatchSize& size, double step_s, const LocalModelCapacity& capacity,
+                       const std::vector<int>& held) {
+  return build_subset_model(body, state, select_patch(body, contact, size), contact, step_s, capacity, held);
 }
 
 }  // namespace palpate::host

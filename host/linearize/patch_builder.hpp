@@ -30,14 +30,17 @@ struct LocalModelCapacity {
 };
 
 // Linear model of any set of nodes, others held. The surface is cut to the capacity around the contact
-// (subset_surface); more modes than the capacity throw std::invalid_argument. A set of fixed nodes only gives
-// a model with no modes: a rigid surface.
+// (subset_surface); more modes than the capacity throw std::invalid_argument. `held`: nodes, ascending, that
+// count as fixed although they are not (driven ones, host/msd/node_drives.hpp): they stay in place like the
+// nodes outside, whatever their velocity. A set of fixed nodes only gives a model with no modes: a rigid
+// surface.
 LocalModel build_subset_model(const Body& body, const BodyState& state, const std::vector<int>& nodes,
                               const SurfacePoint& contact, double step_s,
-                              const LocalModelCapacity& capacity = {});
+                              const LocalModelCapacity& capacity = {}, const std::vector<int>& held = {});
 
 // The same for the patch around the contact point. Throws as select_patch and build_subset_model do.
 LocalModel build_patch(const Body& body, const BodyState& state, const SurfacePoint& contact,
-                       const PatchSize& size, double step_s, const LocalModelCapacity& capacity = {});
+                       const PatchSize& size, double step_s, const LocalModelCapacity& capacity = {},
+                       const std::vector<int>& held = {});
 
 }  // namespace palpate::host

@@ -11,9 +11,11 @@
 
 namespace palpate::host {
 
-BodySurface::BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind)
+BodySurface::BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind,
+                         const std::vector<NodeDrive>& drives)
     : body_(body),
       integrator_(body),
+      drives_(body, drives, step_s),
       state_(std::move(start)),
       before_m_(state_.position_m),
       step_s_(step_s),
@@ -86,11 +88,13 @@ Vec3d BodySurface::normal_before(std::uint32_t triangle, const Vec3d& barycentri
 void BodySurface::advance() {
   before_m_ = state_.position_m;
   integrator_.predict(state_, {}, step_s_);
+  drives_.impose(state_);
   integrator_.finish(state_, step_s_);
 }
 
 double BodySurface::inverse_mass_1_kg(std::uint32_t node) const {
-  return body_.fixed(static_cast<int>(node)) ? 0.0 : 1.0 / body_.mass_kg(static_cast<int>(node));
+  const int n = static_cast<int>(node);
+  return body_.fixed(n) || drives_.drove(n) ? 0.0 : 1.0 / body_.mass_kg(n);
 }
 
 PointResponse<double> BodySurface::respond(std::uint32_t triangle, const Vec3d& barycentric) const {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/msd/body.hpp"
+#include "host/msd/node_drives.hpp"
 #include "host/msd/semi_implicit_euler.hpp"
 #include "shared/contact/contact.hpp"
 #include "shared/contact/surface_kind.hpp"
@@ -14,15 +15,17 @@ namespace palpate::host {
 
 // A ContactSurface over the full non-linear body, stepped by semi-implicit Euler. A force on a node of mass m
 // moves it by step^2 / m within the step, so the response of a surface point is diagonal and its inversion
-// does not ring. Fixed nodes do not yield; a triangle of three fixed nodes cannot be touched. The body must
-// outlive this.
+// does not ring. Fixed nodes, and nodes while they are driven, do not yield; a triangle of three such nodes
+// cannot be touched. The body must outlive this.
 class BodySurface {
  public:
   using Real = double;
   static constexpr double kTargetExtrapolation = 0.0;
 
-  // Throws std::invalid_argument for a step that is not stable, naming it and the bound.
-  BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind = SurfaceKind::smooth);
+  // Throws std::invalid_argument for a step that is not stable, naming it and the bound, and as NodeDrives
+  // does.
+  BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind = SurfaceKind::smooth,
+              const std::vector<NodeDrive>& drives = {});
 
   [[nodiscard]] std::uint32_t triangle_count() const {
     return static_cast<std::uint32_t>(body_.triangles().size());
@@ -43,6 +46,7 @@ class BodySurface {
 
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] const BodyState& state() const { return state_; }
+  [[nodiscard]] const NodeDrives& drives() const { return drives_; }
   [[nodiscard]] double step_s() const { return step_s_; }
 
  private:
@@ -52,6 +56,7 @@ class BodySurface {
 
   const Body& body_;
   SemiImplicitEuler integrator_;
+  NodeDrives drives_;
   BodyState state_;
   Eigen::Matrix3Xd before_m_;
   double step_s_;

@@ -10,7 +10,9 @@
 namespace palpate::host {
 
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
-    : body_(body), config_(config), surface_(body, std::move(start), config.step_s, config.surface) {
+    : body_(body),
+      config_(config),
+      surface_(body, std::move(start), config.step_s, config.surface, config.drives) {
   (void)steps_per_tick(config.step_s);
 }
 
@@ -71,7 +73,8 @@ std::optional<ModelUpdate> Session::update() {
   const auto point = focus();
   if (!point) return std::nullopt;
 
-  const LocalModel model = build_patch(body_, surface_.state(), *point, config_.patch, kTick_s);
+  const LocalModel model =
+      build_patch(body_, surface_.state(), *point, config_.patch, kTick_s, {}, surface_.drives().upcoming());
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
   ModelUpdate update;
   pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, config_.surface, contact_,

@@ -24,6 +24,7 @@ struct SessionConfig {
   double update_Hz = 30.0;  // of local models, in virtual time
   PatchSize patch{};
   std::uint16_t valid_ticks = 200;
+  std::vector<NodeDrive> drives;  // times count from the first tick that is heard of
   // No model is built while the tip is further from the surface than this. 2 cm: a hand at 0.25 m/s
   // needs 80 ms for it, a frame of 33 ms and the 45 ms that a model takes at most in the demo to be in use.
   double near_m = 0.02;

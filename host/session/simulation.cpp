@@ -17,6 +17,8 @@ void check(const SimulationConfig& config) {
                                 ", one per tick and one for the start");
   if (!config.tip_m.empty() && config.method != Method::semi_implicit_euler)
     throw std::invalid_argument("integrator: a tip needs the semi-implicit integrator");
+  if (!config.drives.empty() && config.method != Method::semi_implicit_euler)
+    throw std::invalid_argument("integrator: driven nodes need the semi-implicit integrator");
   for (std::size_t i = 0; i < config.export_ticks.size(); ++i)
     if (config.export_ticks[i] > config.ticks ||
         (i > 0 && config.export_ticks[i] <= config.export_ticks[i - 1]))
@@ -48,7 +50,7 @@ class Recorder {
 
 void run_with_tip(const Body& body, const BodyState& start, const SimulationConfig& config,
                   Recorder& recorder) {
-  BodySurface surface(body, start, config.step_s, config.surface);
+  BodySurface surface(body, start, config.step_s, config.surface, config.drives);
   ContactState<double> contact;
   SimulationResult& result = recorder.result;
   double peak_N = 0.0;
@@ -72,13 +74,13 @@ void run_with_tip(const Body& body, const BodyState& start, const SimulationConf
   }
 }
 
-void run_alone(const Body& body, const BodyState& start, const SimulationConfig& config, Recorder& recorder) {
-  const auto integrator = make_integrator(config.method, body);
+// Advance: one step; state: after it.
+template <class Advance>
+void run_alone(const SimulationConfig& config, const BodyState& state, Recorder& recorder, Advance advance) {
   const int steps = steps_per_tick(config.step_s);
-  BodyState state = start;
   recorder.at_tick(0, state);
   for (std::uint32_t tick = 1; tick <= config.ticks; ++tick) {
-    for (int i = 0; i < steps; ++i) integrator->step(state, {}, config.step_s);
+    for (int i = 0; i < steps; ++i) advance();
     recorder.at_tick(tick, state);
   }
   recorder.result.state_at_peak = state;
@@ -91,10 +93,15 @@ SimulationResult simulate(const Body& body, const BodyState& start, const Simula
                           const Progress& progress) {
   check(config);
   Recorder recorder(config, progress);
-  if (config.tip_m.empty()) {
-    run_alone(body, start, config, recorder);
-  } else {
+  if (!config.tip_m.empty()) {
     run_with_tip(body, start, config, recorder);
+  } else if (!config.drives.empty()) {
+    BodySurface surface(body, start, config.step_s, config.surface, config.drives);
+    run_alone(config, surface.state(), recorder, [&] { surface.advance(); });
+  } else {
+    const auto integrator = make_integrator(config.method, body);
+    BodyState state = start;
+    run_alone(config, state, recorder, [&] { integrator->step(state, {}, config.step_s); });
   }
   return std::move(recorder.result);
 }

@@ -9,6 +9,7 @@
 
 #include "host/msd/body.hpp"
 #include "host/msd/integrator.hpp"
+#include "host/msd/node_drives.hpp"
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
@@ -20,13 +21,14 @@ namespace palpate::host {
 using Progress = std::function<bool(std::uint32_t, std::uint32_t)>;
 
 struct SimulationConfig {
-  Method method = Method::semi_implicit_euler;  // with a tip: semi_implicit_euler only
+  Method method = Method::semi_implicit_euler;  // with a tip or drives: semi_implicit_euler only
   double step_s = 1e-4;                         // divides the servo tick
   ContactLaw<double> law{};
   SurfaceKind surface = SurfaceKind::smooth;
   std::uint32_t ticks = 0;
   // Tip position at the end of tick 0 (the start), 1, ..., ticks; or empty: no tip.
   std::vector<Vec3d> tip_m;
+  std::vector<NodeDrive> drives;
   // Ticks at whose end the nodes are exported, increasing; 0 is the start.
   std::vector<std::uint32_t> export_ticks;
 };
@@ -43,7 +45,7 @@ struct SimulationResult {
 };
 
 // Throws std::invalid_argument for a configuration that does not fit together, an unstable step (naming the
-// bound) or a tip with another method than semi_implicit_euler.
+// bound), a tip or a drive with another method than semi_implicit_euler, and as NodeDrives does.
 SimulationResult simulate(const Body& body, const BodyState& start, const SimulationConfig& config,
                           const Progress& progress);
 

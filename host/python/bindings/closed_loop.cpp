@@ -106,7 +106,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
                          const nb::callable& progress) {
   const host::Body body = read_body(scene);
   const host::BodyState start = read_start(scene, body);
-  const host::ClosedLoopConfig config = read_closed_loop(scene);
+  const host::ClosedLoopConfig config = read_closed_loop(scene, body);
   const plant::PlantParameters parameters = read_plant(scene);
   require_reach(scene, parameters);
   plant::Plant plant(parameters, read_path(scene));

@@ -105,6 +105,18 @@ host::BodyState read_start(const nb::dict& scene, const host::Body& body) {
   return state;
 }
 
+std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body& body) {
+  std::vector<host::NodeDrive> drives;
+  for (const nb::handle entry : nb::object(table(scene, "body")["drives"])) {
+    const auto fields = nb::cast<nb::dict>(entry);
+    const auto node = nb::cast<std::array<int, 3>>(fields["node"]);
+    drives.push_back({body.lattice()->node(node[0], node[1], node[2]), number(fields, "start_s"),
+                      number(fields, "reach_s"), number(fields, "release_s"),
+                      vector(fields, "displacement_m")});
+  }
+  return drives;
+}
+
 ContactLaw<double> read_contact(const nb::dict& scene) {
   const nb::dict contact = table(scene, "contact");
   return {number(contact, "static_friction"), number(contact, "kinetic_friction"),
@@ -151,7 +163,7 @@ plant::PlantParameters read_plant(const nb::dict& scene) {
   return plant;
 }
 
-host::ClosedLoopConfig read_closed_loop(const nb::dict& scene) {
+host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body) {
   const nb::dict rates = table(scene, "rates"), model = table(scene, "model"), board = table(scene, "board");
   host::ClosedLoopConfig config;
   config.ticks = whole(scene, "duration_ticks");
@@ -163,6 +175,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene) {
   const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
   config.session.patch = {patch[0], patch[1], patch[2]};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
+  config.session.drives = read_drives(scene, body);
   for (const nb::handle entry : nb::object(table(scene, "hand")["grip_changes"])) {
     const auto change = nb::cast<nb::dict>(entry);
     config.grip_changes.push_back(

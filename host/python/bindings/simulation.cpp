@@ -30,6 +30,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
   config.law = read_contact(scene);
   config.surface = read_surface(scene);
   config.ticks = whole(scene, "duration_ticks");
+  config.drives = read_drives(scene, body);
   config.export_ticks = whole_list(table(scene, "outputs"), "node_ticks");
   const bool has_tip = !scene["path"].is_none();
   if (has_tip) {
@@ -73,6 +74,7 @@ nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& 
   config.step_s = kTick_s / whole(table(scene, "reference"), "steps_per_tick");
   config.law = read_contact(scene);
   config.surface = read_surface(scene);
+  config.drives = read_drives(scene, body);
   // Rows may skip ticks that the board lost: the tip goes straight between them, as the board's own history
   // has it.
   const std::size_t rows = time_s.shape(0);

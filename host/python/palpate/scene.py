@@ -120,6 +120,14 @@ def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:
         "gravity_m_s2": list(body.gravity_m_s2),
         "initial_nodes": [three(start.node, 0) for start in body.initial_displacements],
         "initial_displacements_m": [three(start.displacement_m, 0.0) for start in body.initial_displacements],
+        "drives": [
+            {
+                **asdict(drive),
+                "node": three(drive.node, 0),
+                "displacement_m": three(drive.displacement_m, 0.0),
+            }
+            for drive in body.drives
+        ],
     }
 
 

@@ -29,6 +29,10 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
                 "integrator.method", scene.integrator.method, '"semi_implicit" where [path] is given'
             )
         _check_path(reader, scene.path)
+    if scene.body.drives and scene.integrator.method != "semi_implicit":
+        raise reader.error(
+            "integrator.method", scene.integrator.method, '"semi_implicit" where body.drives is given'
+        )
     _check_hand(reader, scene.hand)
     _check_patch(reader, scene)
     faults = scene.link.faults
@@ -96,6 +100,34 @@ def _check_body(reader: Reader, body: Body) -> None:
         if start.node in seen:
             raise reader.error(f"{where}.node", list(start.node), "a node that is not displaced already")
         seen.add(start.node)
+    _check_drives(reader, body, fixed)
+
+
+def _check_drives(reader: Reader, body: Body, fixed: set[tuple[int, ...]]) -> None:
+    latest: dict[tuple[int, ...], float] = {}
+    for i, drive in enumerate(body.drives):
+        where = f"body.drives[{i}]"
+        _check_node(reader, f"{where}.node", drive.node, body)
+        if len(drive.displacement_m) != body.dimension:
+            raise reader.error(
+                f"{where}.displacement_m",
+                list(drive.displacement_m),
+                f"{body.dimension} numbers in [-1, 1] m where body.dimension = {body.dimension}",
+            )
+        if drive.node in fixed:
+            raise reader.error(f"{where}.node", list(drive.node), "a node that is not fixed")
+        if drive.reach_s <= drive.start_s:
+            raise reader.error(f"{where}.reach_s", drive.reach_s, f"greater than start_s = {drive.start_s:g} s")
+        if drive.release_s < drive.reach_s:
+            raise reader.error(f"{where}.release_s", drive.release_s, f"at least reach_s = {drive.reach_s:g} s")
+        released_s = latest.get(drive.node, 0.0)
+        if drive.start_s < released_s:
+            raise reader.error(
+                f"{where}.start_s",
+                drive.start_s,
+                f"at least {released_s:g} s, when the drive of this node before releases it",
+            )
+        latest[drive.node] = drive.release_s
 
 
 def _check_node(reader: Reader, where: str, node: tuple[int, ...], body: Body) -> None:

@@ -29,6 +29,27 @@ class InitialDisplacement:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Drive:
+    """One node that is moved, held and released, as by an instrument that pulls it."""
+
+    node: tuple[int, ...] = key(_NODE, "indices [i, j, k] of the node; [i, k] in two dimensions")
+    start_s: float = key(
+        Number(0.0, MAX_TIME_S), "from here on the node moves, from where it is, with least jerk", unit="s"
+    )
+    reach_s: float = key(
+        Number(0.0, MAX_TIME_S), "it arrives; later than `start_s`; then it is held", unit="s"
+    )
+    release_s: float = key(
+        Number(0.0, MAX_TIME_S), "it is free again, at rest; not before `reach_s`", unit="s"
+    )
+    displacement_m: tuple[float, ...] = key(
+        Vector((2, 3), _COORDINATE),
+        "where it arrives, from its place of rest: [x, y, z]; [x, z] in two dimensions",
+        unit="m",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Body:
     """The lattice of point masses and of springs with dampers between neighbours."""
 
@@ -82,6 +103,12 @@ class Body:
     initial_displacements: tuple[InitialDisplacement, ...] = key(
         TablesOf(InitialDisplacement, 100_000), "nodes that start displaced; see below", default=()
     )
+    drives: tuple[Drive, ...] = key(
+        TablesOf(Drive, 1000),
+        "nodes that are driven for a while, whatever the forces on them; a local model holds them where they are at "
+        "its own tick; see below",
+        default=(),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +118,7 @@ class Integrator:
     method: str = key(
         Choice(("semi_implicit", "implicit")),
         "`semi_implicit`: symplectic Euler, stable below a step that depends on the body; `implicit`: backward Euler, "
-        "for bodies without [path]",
+        "for bodies without [path] and without drives",
         default="semi_implicit",
     )
     step_s: float = key(

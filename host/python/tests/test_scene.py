@@ -56,6 +56,14 @@ def refusal(load: Load, text: str) -> str:
     return message.removeprefix(f"{name.parent}/")
 
 
+def drives(node: tuple[int, ...], start_s: float, reach_s: float, release_s: float) -> str:
+    """The good scene with a driven node."""
+    return GOOD + (
+        f"[[body.drives]]\nnode = {list(node)}\nstart_s = {start_s}\nreach_s = {reach_s}\nrelease_s = {release_s}\n"
+        "displacement_m = [0.0, 0.0, 0.01]\n"
+    )
+
+
 def body(line: str) -> str:
     """The good scene with one more line in [body]."""
     return GOOD.replace("[contact]", f"{line}\n[contact]")
@@ -329,6 +337,32 @@ BAD = {
         GOOD + '[hand]\nkind = "scripted"\ngrip_changes = [{ time_s = 0.5, grip = 0.1 }]',
         'scene.toml: hand.grip_changes: given together with hand.kind = "scripted"; must be left out, '
         "for nothing gives way",
+    ),
+    "drive of a fixed node": (
+        drives((0, 0, 0), 0.1, 0.2, 0.3),
+        "scene.toml: body.drives[0].node = [0, 0, 0]: must be a node that is not fixed",
+    ),
+    "drive outside the body": (
+        drives((0, 5, 1), 0.1, 0.2, 0.3),
+        "scene.toml: body.drives[0].node = [0, 5, 1]: must be indices within [0..3, 0..4, 0..5]",
+    ),
+    "drive that takes no time": (
+        drives((1, 1, 5), 0.2, 0.2, 0.3),
+        "scene.toml: body.drives[0].reach_s = 0.2: must be greater than start_s = 0.2 s",
+    ),
+    "drive that ends before it arrives": (
+        drives((1, 1, 5), 0.1, 0.2, 0.15),
+        "scene.toml: body.drives[0].release_s = 0.15: must be at least reach_s = 0.2 s",
+    ),
+    "two drives of a node at a time": (
+        drives((1, 1, 5), 0.1, 0.2, 0.3) + drives((1, 1, 5), 0.25, 0.3, 0.4).removeprefix(GOOD),
+        "scene.toml: body.drives[1].start_s = 0.25: must be at least 0.3 s, when the drive of this node before "
+        "releases it",
+    ),
+    "drives of the implicit method": (
+        drives((1, 1, 5), 0.1, 0.2, 0.3).replace(GOOD[GOOD.index("[path]") :], "")
+        + '[integrator]\nmethod = "implicit"',
+        'scene.toml: integrator.method = "implicit": must be "semi_implicit" where body.drives is given',
     ),
     "update rate": (
         GOOD + "[rates]\nmodel_update_Hz = 0",
