@@ -19,7 +19,9 @@ bool counts_agree(const palpate_LocalModel_1_0& m) {
 
 bool law_is_valid(const palpate_LocalModel_1_0& m) {
   return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.static_friction) &&
-         m.kinetic_friction >= 0.0f && m.static_friction >= m.kinetic_friction;
+         m.kinetic_friction >= 0.0f && m.static_friction >= m.kinetic_friction &&
+         std::isfinite(m.coupling_stiffness_N_m) && m.coupling_stiffness_N_m >= 0.0f &&
+         std::isfinite(m.coupling_damping_N_s_m) && m.coupling_damping_N_s_m >= 0.0f;
 }
 
 // Weights of a point on a triangle, as single precision leaves them.
@@ -120,10 +122,15 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     slot.state.q[i] = m.state_q.elements[i];
     slot.state.p[i] = m.state_p.elements[i];
   }
-  slot.law = {m.static_friction, m.kinetic_friction, m.tip_radius_m};
+  slot.law = {m.static_friction,
+              m.kinetic_friction,
+              m.tip_radius_m,
+              {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
-  if (!is_finite(slot.contact.force_N)) return Status::model_not_finite;
+  slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
+                            m.contact.coupling_stretch_m[2]};
+  if (!is_finite(slot.contact.force_N) || !is_finite(slot.contact.stretch_m)) return Status::model_not_finite;
   slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
   if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
   slot.contact.mode = static_cast<ContactMode>(m.contact.mode);

@@ -271,7 +271,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(message);
   // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 75;
+  constexpr std::size_t kPositionCount = 95;
   ASSERT_EQ(payload[kPositionCount], 12);
   payload[kPositionCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

@@ -36,6 +36,7 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
       contact.mode == ContactMode::free ? std::uint16_t{0} : static_cast<std::uint16_t>(contact.triangle);
   pack(contact.mode == ContactMode::free ? Vec3d{} : contact.barycentric, message.barycentric);
   pack(contact.force_N, message.force_N);
+  pack(contact.stretch_m, message.coupling_stretch_m);
 }
 
 }  // namespace
@@ -62,6 +63,8 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   message.static_friction = narrow(law.static_friction);
   message.kinetic_friction = narrow(law.kinetic_friction);
   message.surface = static_cast<std::uint8_t>(surface);
+  message.coupling_stiffness_N_m = narrow(law.coupling.stiffness_N_m);
+  message.coupling_damping_N_s_m = narrow(law.coupling.damping_N_s_m);
   pack_contact(contact, message.contact);
 
   message.position_m.count = 3 * nodes;

@@ -34,6 +34,7 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
                                   typename S::Real radius) {
   { S::kTargetExtrapolation } -> std::convertible_to<typename S::Real>;
   { c.triangle_count() } -> std::convertible_to<std::uint32_t>;
+  { c.step_s() } -> std::convertible_to<typename S::Real>;
   { c.corners(i) } -> std::same_as<std::array<std::uint32_t, 3>>;
   // Across the edge opposite to corner `i` of the triangle; kNoTriangle at the border.
   { c.neighbour(i, i) } -> std::convertible_to<std::int32_t>;
@@ -217,18 +218,32 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   const Vec3<Real> normal = surface.normal_before(state.triangle, state.barycentric);
   const auto response = surface.respond(state.triangle, state.barycentric);
   const Vec3<Real> target = to + (to - from) * Surface::kTargetExtrapolation - normal * law.tip_radius_m;
-  const auto solution =
-      solve_coulomb(target - response.free_m, response.compliance_m_N, normal, law, previous);
+  const CouplingStep<Real> coupling(law.coupling, static_cast<Real>(surface.step_s()));
+  const Vec3<Real> gap = target - response.free_m;
+  const auto solution = solve_coulomb(gap - state.stretch_m * coupling.memory,
+                                      response.compliance_m_N + Mat3<Real>::identity(coupling.compliance_m_N),
+                                      normal, law, previous);
   state.mode = solution.mode;
   if (solution.mode == ContactMode::free) {
+    // A damper may lose its hold while the tip is still behind the surface: it stays in contact, without
+    // force.
+    if (coupling.yields() && dot(normal, gap) < 0) {
+      state.mode = ContactMode::slip;
+      state.normal = normal;
+      state.stretch_m = normal * dot(normal, gap);
+      contact_detail::slide(surface, state, to - state.stretch_m);
+      return;
+    }
+    state.stretch_m = {};
     state.outside = true;
     state.at_border = false;
     return;
   }
   state.force_N = solution.force_N;
   state.normal = normal;
+  state.stretch_m = coupling.stretch_m(state.stretch_m, solution.force_N);
   surface.apply(state.triangle, state.barycentric, solution.force_N);
-  if (solution.mode == ContactMode::slip) contact_detail::slide(surface, state, to);
+  if (solution.mode == ContactMode::slip) contact_detail::slide(surface, state, to - state.stretch_m);
 }
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "shared/contact/coupling.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate {
@@ -17,17 +18,19 @@ struct ContactState {
   Vec3<Real> barycentric{};    // contact point on it; weights of its corners, sum 1
   Vec3<Real> force_N{};        // of the tip on the body during the last step
   Vec3<Real> normal{};         // unit outward normal in which that force was found; only with mode != free
+  Vec3<Real> stretch_m{};      // of the coupling; zero where it does not yield, and when free
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here
 };
 
-// Friction of the contact: static_friction >= kinetic_friction >= 0. tip_radius_m >= 0.
+// Law of the contact: static_friction >= kinetic_friction >= 0. tip_radius_m >= 0.
 template <class Real>
 struct ContactLaw {
   Real static_friction = 0;
   Real kinetic_friction = 0;
   Real tip_radius_m = 0;
+  Coupling<Real> coupling{};
 };
 
 }  // namespace palpate

@@ -85,6 +85,11 @@ constexpr Vec3<Real> operator*(const Mat3<Real>& a, const Vec3<Real>& b) {
 }
 
 template <class Real>
+constexpr Mat3<Real> operator+(const Mat3<Real>& a, const Mat3<Real>& b) {
+  return {{a.row[0] + b.row[0], a.row[1] + b.row[1], a.row[2] + b.row[2]}};
+}
+
+template <class Real>
 constexpr Mat3<Real> transpose(const Mat3<Real>& a) {
   return {{{a(0, 0), a(1, 0), a(2, 0)}, {a(0, 1), a(1, 1), a(2, 1)}, {a(0, 2), a(1, 2), a(2, 2)}}};
 }

@@ -7,6 +7,7 @@
 
 #include "shared/contact/contact.hpp"
 #include "shared/model/local_model.hpp"
+#include "shared/servo_tick.hpp"
 
 namespace palpate {
 
@@ -30,6 +31,7 @@ class ModalSurface {
   // Starts on a checked model. Positions are those of `state` as it is now.
   void bind(const LocalModelView& model, ModalState& state);
 
+  [[nodiscard]] static constexpr float step_s() { return static_cast<float>(kTick_s); }
   [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(model_.triangles); }
   [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const {
     const std::uint8_t* c = model_.corner + 3 * triangle;

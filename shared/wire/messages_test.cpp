@@ -71,10 +71,13 @@ std::unique_ptr<palpate_LocalModel_1_0> model(std::size_t modes, std::size_t nod
   message->static_friction = 1.0f;
   message->kinetic_friction = 0.75f;
   message->surface = palpate_LocalModel_1_0_SURFACE_FLAT;
+  message->coupling_stiffness_N_m = 2000.0f;
+  message->coupling_damping_N_s_m = 1.5f;
   message->contact.mode = palpate_Contact_1_0_MODE_SLIP;
   message->contact.triangle = 4321;
   for (float& value : message->contact.barycentric) value = number(random);
   for (float& value : message->contact.force_N) value = number(random);
+  for (float& value : message->contact.coupling_stretch_m) value = number(random);
   fill(message->position_m, 3 * nodes, random);
   fill(message->triangle_id, triangles, random);
   fill(message->corner, 3 * triangles, random);
@@ -164,7 +167,7 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   struct Prefix {
     std::size_t at, bytes, bound;
   };
-  constexpr std::size_t kFixedBytes = 75;
+  constexpr std::size_t kFixedBytes = 95;
   for (const Prefix& prefix :
        {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 2, 1152}, Prefix{6, 1, 192},
         Prefix{7, 1, 192}, Prefix{8, 1, 192}, Prefix{9, 1, 192}, Prefix{10, 2, 9216}}) {

@@ -118,9 +118,11 @@ std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body
 }
 
 ContactLaw<double> read_contact(const nb::dict& scene) {
-  const nb::dict contact = table(scene, "contact");
-  return {number(contact, "static_friction"), number(contact, "kinetic_friction"),
-          number(table(scene, "tool"), "radius_m")};
+  const nb::dict contact = table(scene, "contact"), coupling = table(scene, "coupling");
+  return {number(contact, "static_friction"),
+          number(contact, "kinetic_friction"),
+          number(table(scene, "tool"), "radius_m"),
+          {number(coupling, "stiffness_N_m"), number(coupling, "damping_N_s_m")}};
 }
 
 SurfaceKind read_surface(const nb::dict& scene) {

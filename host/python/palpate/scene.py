@@ -75,6 +75,8 @@ class Scene:
             "kinetic_friction": kinetic,
             "surface": self.sections.contact.surface,
         }
+        if self.sections.coupling.kind == "kinematic":  # stiffness 0 to the core
+            values["coupling"].update(stiffness_N_m=0.0, damping_N_s_m=0.0)
         values["integrator"]["steps_per_tick"] = steps_per_tick(self.sections.integrator.step_s)
         values["reference"]["steps_per_tick"] = steps_per_tick(self.sections.reference.step_s)
         values["outputs"]["node_ticks"] = [

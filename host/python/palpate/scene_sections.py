@@ -157,6 +157,23 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Coupling:
+    """What connects the tip with the point that it touches."""
+
+    kind: str = key(
+        Choice(("kinematic", "virtual")),
+        "`kinematic`: the contact point is where the tip is; `virtual`: a spring and a damper between them",
+        default="kinematic",
+    )
+    stiffness_N_m: float = key(
+        Number(10.0, 1e6), "of the spring; `virtual` only", unit="N/m", default=2000.0
+    )
+    damping_N_s_m: float = key(
+        Number(0.0, 1e3), "of the damper; `virtual` only", unit="N s/m", default=1.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Tool:
     """What touches the body."""
 
@@ -397,6 +414,7 @@ class SceneFile:
     )
     integrator: Integrator = section(Integrator, "How the full body is stepped on the host.")
     contact: Contact = section(Contact, "Contact of the tip with the body: Coulomb friction, and the surface that is touched.")
+    coupling: Coupling = section(Coupling, "What connects the tip with the point of the body that it touches.")
     tool: Tool = section(Tool, "What touches the body.")
     path: Path | None = section(
         Path,
