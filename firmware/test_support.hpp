@@ -143,8 +143,6 @@ inline palpate_LocalModel_1_0 square_model(std::uint32_t sequence, std::uint32_t
   constexpr float kHalfWidth_m = 0.005f;
   const Vec3f corner_m = centre_m - Vec3f{kHalfWidth_m, kHalfWidth_m, 0.0f};
   for (std::size_t i = 0; i < 3; ++i) message.origin_m[i] = corner_m[i];
-  message.static_friction = 0.5f;
-  message.kinetic_friction = 0.5f;
   const auto fill = [](auto& field, const auto& values) {
     field.count = values.size();
     std::copy(values.begin(), values.end(), field.elements);
@@ -153,6 +151,9 @@ inline palpate_LocalModel_1_0 square_model(std::uint32_t sequence, std::uint32_t
   fill(message.position_m, model.position_m);
   fill(message.triangle_id, model.triangle_id);
   fill(message.corner, model.corner);
+  fill(message.triangle_friction, model.triangle_friction);
+  fill(message.static_friction, model.static_friction);
+  fill(message.kinetic_friction, model.kinetic_friction);
   fill(message.coefficient, model.coefficient);
   fill(message.load, model.load);
   fill(message.state_q, rest);

@@ -13,15 +13,15 @@ static_assert((kTipHistory & (kTipHistory - 1)) == 0, "the history is indexed by
 bool counts_agree(const palpate_LocalModel_1_0& m) {
   return m.position_m.count == 3u * m.nodes && m.triangle_id.count == m.triangles &&
          m.corner.count == 3u * m.triangles && m.coefficient.count == kCoefficientsPerMode * m.modes &&
+         m.triangle_friction.count == m.triangles && m.kinetic_friction.count == m.static_friction.count &&
          m.load.count == m.modes && m.state_q.count == m.modes && m.state_p.count == m.modes &&
          m.basis_scale.count == m.modes && m.basis.count == 3u * m.nodes * m.modes;
 }
 
 bool law_is_valid(const palpate_LocalModel_1_0& m) {
-  return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.static_friction) &&
-         m.kinetic_friction >= 0.0f && m.static_friction >= m.kinetic_friction &&
-         std::isfinite(m.coupling_stiffness_N_m) && m.coupling_stiffness_N_m >= 0.0f &&
-         std::isfinite(m.coupling_damping_N_s_m) && m.coupling_damping_N_s_m >= 0.0f;
+  return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.coupling_stiffness_N_m) &&
+         m.coupling_stiffness_N_m >= 0.0f && std::isfinite(m.coupling_damping_N_s_m) &&
+         m.coupling_damping_N_s_m >= 0.0f;
 }
 
 // Weights of a point on a triangle, as single precision leaves them.
@@ -114,6 +114,10 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
                              .position_m = m.position_m.elements,
                              .corner = m.corner.elements,
                              .triangle_id = m.triangle_id.elements,
+                             .frictions = m.static_friction.count,
+                             .static_friction = m.static_friction.elements,
+                             .kinetic_friction = m.kinetic_friction.elements,
+                             .triangle_friction = m.triangle_friction.elements,
                              .coefficient = m.coefficient.elements,
                              .load = m.load.elements,
                              .basis_scale = m.basis_scale.elements,
@@ -122,10 +126,7 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     slot.state.q[i] = m.state_q.elements[i];
     slot.state.p[i] = m.state_p.elements[i];
   }
-  slot.law = {m.static_friction,
-              m.kinetic_friction,
-              m.tip_radius_m,
-              {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
+  slot.law = {m.tip_radius_m, {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
   slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
@@ -141,6 +142,9 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
     if (triangle == m.triangles) return Status::model_inconsistent;
     slot.contact.triangle = triangle;
+    slot.contact.inset_m = m.contact.inset_m;
+    if (!std::isfinite(slot.contact.inset_m)) return Status::model_not_finite;
+    if (slot.contact.inset_m < 0.0f) return Status::model_inconsistent;
   }
   slot.tick = slot.model_tick = m.tick;
   slot.sequence = m.sequence;

@@ -54,6 +54,10 @@ class Reference {
              .position_m = m.position_m.elements,
              .corner = m.corner.elements,
              .triangle_id = m.triangle_id.elements,
+             .frictions = m.static_friction.count,
+             .static_friction = m.static_friction.elements,
+             .kinetic_friction = m.kinetic_friction.elements,
+             .triangle_friction = m.triangle_friction.elements,
              .coefficient = m.coefficient.elements,
              .load = m.load.elements,
              .basis_scale = m.basis_scale.elements,
@@ -62,8 +66,7 @@ class Reference {
     previous_m_ = tip_m - view_.origin_m;
   }
   const ContactState<float>& step(const Vec3f& tip_m) {
-    const ContactLaw<float> law{message_->static_friction, message_->kinetic_friction,
-                                message_->tip_radius_m};
+    const ContactLaw<float> law{.tip_radius_m = message_->tip_radius_m};
     step_contact(surface_, contact_, law, previous_m_, tip_m - view_.origin_m);
     previous_m_ = tip_m - view_.origin_m;
     return contact_;
@@ -256,8 +259,21 @@ INSTANTIATE_TEST_SUITE_P(
                    }},
         BadMessage{"unknown_mode", Status::model_inconsistent, [](auto& m) { m.contact.mode = 3; }},
         BadMessage{"negative_friction", Status::model_inconsistent,
-                   [](auto& m) { m.kinetic_friction = m.static_friction = -0.1f; }},
-        BadMessage{"nan_friction", Status::model_inconsistent, [](auto& m) { m.static_friction = kNan; }},
+                   [](auto& m) { m.kinetic_friction.elements[0] = m.static_friction.elements[0] = -0.1f; }},
+        BadMessage{"nan_friction", Status::model_inconsistent,
+                   [](auto& m) { m.static_friction.elements[0] = kNan; }},
+        BadMessage{"infinite_friction", Status::model_inconsistent,
+                   [](auto& m) { m.static_friction.elements[0] = kInfinity; }},
+        BadMessage{"kinetic_above_static", Status::model_inconsistent,
+                   [](auto& m) { m.kinetic_friction.elements[0] = 0.6f; }},
+        BadMessage{"frictions_without_partner", Status::model_inconsistent,
+                   [](auto& m) { m.static_friction.count = 2; }},
+        BadMessage{"no_friction", Status::model_inconsistent,
+                   [](auto& m) { m.static_friction.count = m.kinetic_friction.count = 0; }},
+        BadMessage{"unknown_friction", Status::model_inconsistent,
+                   [](auto& m) { m.triangle_friction.elements[1] = 1; }},
+        BadMessage{"triangle_without_friction", Status::model_inconsistent,
+                   [](auto& m) { --m.triangle_friction.count; }},
         BadMessage{"negative_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = -0.001f; }},
         BadMessage{"unknown_surface", Status::model_inconsistent, [](auto& m) { m.surface = 2; }},
         BadMessage{"no_horizon", Status::model_inconsistent, [](auto& m) { m.valid_ticks = 0; }},
@@ -271,7 +287,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(message);
   // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 95;
+  constexpr std::size_t kPositionCount = 91;
   ASSERT_EQ(payload[kPositionCount], 12);
   payload[kPositionCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

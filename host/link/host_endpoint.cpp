@@ -52,6 +52,9 @@ OutgoingFrame HostEndpoint::encode(const palpate_LocalModel_1_0& message) {
   check_count("LocalModel.position_m.count", message.position_m.count, 3 * kMaxSurfaceNodes);
   check_count("LocalModel.triangle_id.count", message.triangle_id.count, kMaxTriangles);
   check_count("LocalModel.corner.count", message.corner.count, 3 * kMaxTriangles);
+  check_count("LocalModel.triangle_friction.count", message.triangle_friction.count, kMaxTriangles);
+  check_count("LocalModel.static_friction.count", message.static_friction.count, kMaxFrictions);
+  check_count("LocalModel.kinetic_friction.count", message.kinetic_friction.count, kMaxFrictions);
   check_count("LocalModel.coefficient.count", message.coefficient.count, kCoefficientsPerMode * kMaxModes);
   check_count("LocalModel.load.count", message.load.count, kMaxModes);
   check_count("LocalModel.state_q.count", message.state_q.count, kMaxModes);

@@ -12,8 +12,9 @@
 namespace palpate::host {
 
 BodySurface::BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind,
-                         const std::vector<NodeDrive>& drives)
+                         const std::vector<NodeDrive>& drives, const FrictionSpec& friction)
     : body_(body),
+      friction_(body, friction),
       integrator_(body),
       drives_(body, drives, step_s),
       state_(std::move(start)),

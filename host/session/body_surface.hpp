@@ -8,6 +8,7 @@
 #include "host/msd/body.hpp"
 #include "host/msd/node_drives.hpp"
 #include "host/msd/semi_implicit_euler.hpp"
+#include "host/session/surface_friction.hpp"
 #include "shared/contact/contact.hpp"
 #include "shared/contact/surface_kind.hpp"
 
@@ -23,15 +24,17 @@ class BodySurface {
   static constexpr double kTargetExtrapolation = 0.0;
 
   // Throws std::invalid_argument for a step that is not stable, naming it and the bound, and as NodeDrives
-  // does.
+  // and SurfaceFriction do.
   BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind = SurfaceKind::smooth,
-              const std::vector<NodeDrive>& drives = {});
+              const std::vector<NodeDrive>& drives = {}, const FrictionSpec& friction = {});
 
   [[nodiscard]] std::uint32_t triangle_count() const {
     return static_cast<std::uint32_t>(body_.triangles().size());
   }
   [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const;
   [[nodiscard]] std::int32_t neighbour(std::uint32_t triangle, std::uint32_t corner) const;
+  [[nodiscard]] Friction<double> friction(std::uint32_t triangle) const { return friction_.of(triangle); }
+  [[nodiscard]] const SurfaceFriction& friction() const { return friction_; }
   [[nodiscard]] bool is_near(const Vec3d& from, const Vec3d& to, double tip_radius_m) const;
   [[nodiscard]] bool may_touch(std::uint32_t triangle, const Vec3d& from, const Vec3d& to,
                                double tip_radius_m) const;
@@ -55,6 +58,7 @@ class BodySurface {
   [[nodiscard]] Vec3d area_before(std::uint32_t triangle) const;
 
   const Body& body_;
+  SurfaceFriction friction_;
   SemiImplicitEuler integrator_;
   NodeDrives drives_;
   BodyState state_;

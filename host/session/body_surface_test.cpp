@@ -179,9 +179,10 @@ TEST(AdvanceTick, AShallowPressHasTheForceOfTheLinearBody) {
   const Body body = block(5);
   double previous_error = 0.0;
   for (const double depth_m : {4e-5, 2e-5, 1e-5}) {
-    BodySurface surface(body, body.rest_state(), 1e-4);
+    BodySurface surface(body, body.rest_state(), 1e-4, SurfaceKind::smooth, {},
+                        {.elsewhere = {100.0, 100.0}, .regions = {}});
     ContactState<double> contact;
-    const ContactLaw<double> law{100.0, 100.0, 0.0};
+    const ContactLaw<double> law{};
     Path path({0.0175, 0.0215, 1e-3});
     path.to({0.0175, 0.0215, -depth_m}, 100).hold(600);
     BodyTick last;
@@ -212,7 +213,7 @@ class FrictionCone : public ::testing::TestWithParam<double> {};
 TEST_P(FrictionCone, IsNeverViolated) {
   const double mu = GetParam();
   const Body body = block(5);
-  Touched touched(body, {mu, mu, 0.0});
+  Touched touched(body, {.elsewhere = {mu, mu}, .regions = {}});
   Path path({0.0115, 0.0215, 2e-3});
   path.to({0.0115, 0.0215, -3e-3}, 100).to({0.0325, 0.0245, -3e-3}, 250).to({0.0305, 0.0155, -2e-3}, 100);
   int checked = 0, slipping = 0, crossings = 0;
@@ -240,9 +241,10 @@ INSTANTIATE_TEST_SUITE_P(Coefficients, FrictionCone, ::testing::Values(0.0, 0.3,
 
 TEST(AdvanceTick, NothingPulls) {
   const Body body = block(4);
-  BodySurface surface(body, body.rest_state(), 1e-4);
+  BodySurface surface(body, body.rest_state(), 1e-4, SurfaceKind::smooth, {},
+                      {.elsewhere = {1.0, 1.0}, .regions = {}});
   ContactState<double> contact;
-  const ContactLaw<double> law{1.0, 1.0, 0.0};
+  const ContactLaw<double> law{};
   Path path({0.0175, 0.0155, 1e-3});
   path.to({0.0175, 0.0155, -3e-3}, 60).to({0.0175, 0.0155, 0.02}, 30).hold(20);
   bool touched = false;
@@ -259,9 +261,10 @@ TEST(AdvanceTick, NothingPulls) {
 
 TEST(AdvanceTick, ATriangleOfFixedNodesDoesNotYield) {
   const Body body = block(4);
-  BodySurface surface(body, body.rest_state(), 1e-4);
+  BodySurface surface(body, body.rest_state(), 1e-4, SurfaceKind::smooth, {},
+                      {.elsewhere = {1.0, 1.0}, .regions = {}});
   ContactState<double> contact;
-  const ContactLaw<double> law{1.0, 1.0, 0.0};
+  const ContactLaw<double> law{};
   // From below, where all nodes are fixed.
   Path path({0.0175, 0.0155, -0.032});
   path.to({0.0175, 0.0155, -0.0295}, 50);

@@ -37,12 +37,14 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
   pack(contact.mode == ContactMode::free ? Vec3d{} : contact.barycentric, message.barycentric);
   pack(contact.force_N, message.force_N);
   pack(contact.stretch_m, message.coupling_stretch_m);
+  message.inset_m = contact.mode == ContactMode::free ? 0.0f : narrow(contact.inset_m);
 }
 
 }  // namespace
 
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
-                SurfaceKind surface, const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+                SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
+                palpate_LocalModel_1_0& message) {
   const auto modes = static_cast<std::size_t>(model.modes());
   const std::size_t nodes = model.node.size(), triangles = model.triangle.size();
   require_at_most(modes, kMaxModes, "modes");
@@ -60,11 +62,14 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   message.triangles = static_cast<std::uint8_t>(triangles);
   pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
   message.tip_radius_m = narrow(law.tip_radius_m);
-  message.static_friction = narrow(law.static_friction);
-  message.kinetic_friction = narrow(law.kinetic_friction);
   message.surface = static_cast<std::uint8_t>(surface);
   message.coupling_stiffness_N_m = narrow(law.coupling.stiffness_N_m);
   message.coupling_damping_N_s_m = narrow(law.coupling.damping_N_s_m);
+  message.static_friction.count = message.kinetic_friction.count = friction.different().size();
+  for (std::size_t i = 0; i < friction.different().size(); ++i) {
+    message.static_friction.elements[i] = narrow(friction.different()[i].static_coefficient);
+    message.kinetic_friction.elements[i] = narrow(friction.different()[i].kinetic_coefficient);
+  }
   pack_contact(contact, message.contact);
 
   message.position_m.count = 3 * nodes;
@@ -73,9 +78,11 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
         narrow(model.position_m(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(i / 3)));
   message.triangle_id.count = triangles;
   message.corner.count = 3 * triangles;
+  message.triangle_friction.count = triangles;
   for (std::size_t t = 0; t < triangles; ++t) {
     require_at_most(static_cast<std::size_t>(model.triangle[t]), 65535, "number of a triangle");
     message.triangle_id.elements[t] = static_cast<std::uint16_t>(model.triangle[t]);
+    message.triangle_friction.elements[t] = friction.index(static_cast<std::uint32_t>(model.triangle[t]));
     for (std::size_t c = 0; c < 3; ++c)
       message.corner.elements[3 * t + c] = static_cast<std::uint8_t>(model.corner[t][c]);
   }

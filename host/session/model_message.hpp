@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "host/linearize/local_model.hpp"
+#include "host/session/surface_friction.hpp"
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/surface_kind.hpp"
 #include "shared/wire/messages.hpp"
@@ -16,11 +17,13 @@ struct ModelStamp {
   std::uint16_t valid_ticks = 0;
 };
 
-// Fills `message`. `contact` is that of the full body at stamp.tick, its triangle the body's own number.
-// The basis is scaled per mode so that its largest entry is 32767: an entry is off by at most half a
-// step, 1.5e-5 of that largest entry. Throws std::invalid_argument, naming the count and the bound, for a
-// model beyond the capacities of the wire, and for one with numbers that single precision cannot hold.
+// Fills `message`. `friction` and `contact` are those of the full body, `contact` at stamp.tick, its triangle
+// the body's own number. The basis is scaled per mode so that its largest entry is 32767: an entry is off by
+// at most half a step, 1.5e-5 of that largest entry. Throws std::invalid_argument, naming the count and the
+// bound, for a model beyond the capacities of the wire, and for one with numbers that single precision cannot
+// hold.
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
-                SurfaceKind surface, const ContactState<double>& contact, palpate_LocalModel_1_0& message);
+                SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
+                palpate_LocalModel_1_0& message);
 
 }  // namespace palpate::host

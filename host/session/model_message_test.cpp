@@ -29,8 +29,9 @@ class ModelMessageTest : public ::testing::Test {
     contact_.triangle = 300;
     contact_.barycentric = {0.2, 0.3, 0.5};
     contact_.force_N = {0.1, -0.2, -0.7};
+    contact_.inset_m = 0.003;
   }
-  void pack() { pack_model(model_, stamp_, law_, SurfaceKind::flat, contact_, *message_); }
+  void pack() { pack_model(model_, stamp_, law_, SurfaceKind::flat, friction_, contact_, *message_); }
   std::string refusal() {
     return message_of<std::invalid_argument>([&] { pack(); });
   }
@@ -40,7 +41,10 @@ class ModelMessageTest : public ::testing::Test {
   LocalModel model_ = build_patch(
       body_, state_, nearest_surface_point(body_, state_.position_m, {0.0175, 0.0215, 0.0}), {}, kTick_s);
   ModelStamp stamp_{7, 1234, 200};
-  ContactLaw<double> law_{0.8, 0.6, 0.002};
+  ContactLaw<double> law_{.tip_radius_m = 0.002};
+  // Another friction where x is at most 1.75 cm: a part of the patch.
+  SurfaceFriction friction_{
+      body_, {.elsewhere = {0.8, 0.6}, .regions = {{{-1.0, -1.0, -1.0}, {0.0175, 1.0, 1.0}, {1.2, 0.3}}}}};
   ContactState<double> contact_{};
   std::unique_ptr<palpate_LocalModel_1_0> message_ = std::make_unique<palpate_LocalModel_1_0>();
 };
@@ -52,14 +56,19 @@ TEST_F(ModelMessageTest, CarriesTheModelInSinglePrecision) {
   EXPECT_EQ(m.tick, 1234u);
   EXPECT_EQ(m.valid_ticks, 200u);
   EXPECT_EQ(m.schema_hash, wire::kSchemaHash);
-  EXPECT_EQ(m.static_friction, 0.8f);
-  EXPECT_EQ(m.kinetic_friction, 0.6f);
+  ASSERT_EQ(m.static_friction.count, 2u);
+  ASSERT_EQ(m.kinetic_friction.count, 2u);
+  EXPECT_EQ(m.static_friction.elements[0], 0.8f);
+  EXPECT_EQ(m.kinetic_friction.elements[0], 0.6f);
+  EXPECT_EQ(m.static_friction.elements[1], 1.2f);
+  EXPECT_EQ(m.kinetic_friction.elements[1], 0.3f);
   EXPECT_EQ(m.tip_radius_m, 0.002f);
   EXPECT_EQ(m.surface, palpate_LocalModel_1_0_SURFACE_FLAT);
   EXPECT_EQ(m.contact.mode, static_cast<std::uint8_t>(ContactMode::slip));
   EXPECT_EQ(m.contact.triangle, 300u);
   EXPECT_EQ(m.contact.barycentric[2], 0.5f);
   EXPECT_EQ(m.contact.force_N[1], -0.2f);
+  EXPECT_EQ(m.contact.inset_m, 0.003f);
 
   const auto modes = static_cast<std::size_t>(model_.modes());
   ASSERT_EQ(m.modes, modes);
@@ -71,10 +80,16 @@ TEST_F(ModelMessageTest, CarriesTheModelInSinglePrecision) {
   for (Eigen::Index n = 0; n < model_.position_m.cols(); ++n)
     for (Eigen::Index axis = 0; axis < 3; ++axis)
       same(m.position_m.elements[3 * n + axis], model_.position_m(axis, n));
+  bool frictions_seen[2] = {};
+  ASSERT_EQ(m.triangle_friction.count, m.triangles);
   for (std::size_t t = 0; t < m.triangles; ++t) {
     EXPECT_EQ(m.triangle_id.elements[t], model_.triangle[t]);
+    frictions_seen[m.triangle_friction.elements[t]] = true;
+    EXPECT_EQ(m.triangle_friction.elements[t],
+              friction_.index(static_cast<std::uint32_t>(model_.triangle[t])));
     for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(m.corner.elements[3 * t + c], model_.corner[t][c]);
   }
+  EXPECT_TRUE(frictions_seen[0] && frictions_seen[1]);
   for (std::size_t i = 0; i < modes; ++i) {
     const auto column = static_cast<Eigen::Index>(i);
     same(m.coefficient.elements[6 * i], model_.coefficient[i].a11);

@@ -12,7 +12,7 @@ namespace palpate::host {
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
     : body_(body),
       config_(config),
-      surface_(body, std::move(start), config.step_s, config.surface, config.drives) {
+      surface_(body, std::move(start), config.step_s, config.surface, config.drives, config.friction) {
   (void)steps_per_tick(config.step_s);
 }
 
@@ -77,8 +77,8 @@ std::optional<ModelUpdate> Session::update() {
       build_patch(body_, surface_.state(), *point, config_.patch, kTick_s, {}, surface_.drives().upcoming());
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
   ModelUpdate update;
-  pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, config_.surface, contact_,
-             update.message);
+  pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, config_.surface,
+             surface_.friction(), contact_, update.message);
   update.state = surface_.state();
   update.patch_nodes = model.node;
   update.interpolated_ticks = std::exchange(interpolated_in_model_, 0);

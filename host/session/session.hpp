@@ -20,6 +20,7 @@ namespace palpate::host {
 struct SessionConfig {
   ContactLaw<double> law{};
   SurfaceKind surface = SurfaceKind::smooth;
+  FrictionSpec friction{};
   double step_s = 1e-4;     // of the full body; divides the servo tick
   double update_Hz = 30.0;  // of local models, in virtual time
   PatchSize patch{};

@@ -42,7 +42,7 @@ Path in_single_precision(Path path) {
 class SessionTest : public ::testing::Test {
  protected:
   SessionTest() {
-    config_.law = {0.5, 0.5, 0.0};
+    config_.friction.elsewhere = {0.5, 0.5};
     path_.to({0.0145, 0.0165, -2e-3}, 60).to({0.0245, 0.0175, -2e-3}, 139);
   }
   // Sends the path but for the ticks in `lost`, with an update every 33 ticks; returns the models.
@@ -62,6 +62,7 @@ class SessionTest : public ::testing::Test {
     const Path measured = in_single_precision(path_);
     SimulationConfig config;
     config.law = config_.law;
+    config.friction = config_.friction;
     config.ticks = tick;
     config.tip_m.assign(measured.tip_m.begin(), measured.tip_m.begin() + tick + 1);
     config.export_ticks = {tick};

@@ -50,7 +50,7 @@ class Recorder {
 
 void run_with_tip(const Body& body, const BodyState& start, const SimulationConfig& config,
                   Recorder& recorder) {
-  BodySurface surface(body, start, config.step_s, config.surface, config.drives);
+  BodySurface surface(body, start, config.step_s, config.surface, config.drives, config.friction);
   ContactState<double> contact;
   SimulationResult& result = recorder.result;
   double peak_N = 0.0;
@@ -61,6 +61,7 @@ void run_with_tip(const Body& body, const BodyState& start, const SimulationConf
     result.mean_force_N.push_back(done.mean_force_N);
     result.mode.push_back(done.contact.mode);
     result.normal.push_back(done.normal);
+    result.triangle.push_back(done.contact.mode == ContactMode::free ? 0 : done.contact.triangle);
     if (norm(done.mean_force_N) > peak_N) {
       peak_N = norm(done.mean_force_N);
       result.state_at_peak = surface.state();

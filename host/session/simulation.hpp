@@ -10,6 +10,7 @@
 #include "host/msd/body.hpp"
 #include "host/msd/integrator.hpp"
 #include "host/msd/node_drives.hpp"
+#include "host/session/surface_friction.hpp"
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
@@ -25,6 +26,7 @@ struct SimulationConfig {
   double step_s = 1e-4;                         // divides the servo tick
   ContactLaw<double> law{};
   SurfaceKind surface = SurfaceKind::smooth;
+  FrictionSpec friction{};
   std::uint32_t ticks = 0;
   // Tip position at the end of tick 0 (the start), 1, ..., ticks; or empty: no tip.
   std::vector<Vec3d> tip_m;
@@ -35,10 +37,11 @@ struct SimulationConfig {
 
 struct SimulationResult {
   // One entry per tick 1 ... ticks.
-  std::vector<Vec3d> mean_force_N;  // of the tip on the body, averaged over the tick
-  std::vector<ContactMode> mode;    // at its end
-  std::vector<Vec3d> normal;        // outward, at the contact; zero when free
-  std::vector<BodyState> exported;  // one per export tick
+  std::vector<Vec3d> mean_force_N;      // of the tip on the body, averaged over the tick
+  std::vector<ContactMode> mode;        // at its end
+  std::vector<Vec3d> normal;            // outward, at the contact; zero when free
+  std::vector<std::uint32_t> triangle;  // that is touched; 0 when free
+  std::vector<BodyState> exported;      // one per export tick
   // The body when the tip's force was largest; at the end where it never touched.
   BodyState state_at_peak;
   std::uint32_t peak_tick = 0;

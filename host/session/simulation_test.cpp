@@ -20,7 +20,7 @@ constexpr double kRest_m = 1e-16;
 SimulationConfig config_for(const Path& path, double friction, double step_s) {
   SimulationConfig config;
   config.step_s = step_s;
-  config.law = {friction, friction, 0.0};
+  config.friction.elsewhere = {friction, friction};
   config.ticks = path.ticks();
   config.tip_m = path.tip_m;
   return config;

@@ -39,8 +39,9 @@ class Path {
 
 // A surface with its contact, stepped step by step.
 struct Touched {
-  Touched(const Body& body, const ContactLaw<double>& contact_law, double step_s = 1e-4)
-      : surface(body, body.rest_state(), step_s), law(contact_law) {}
+  Touched(const Body& body, const FrictionSpec& friction, const ContactLaw<double>& contact_law = {},
+          double step_s = 1e-4)
+      : surface(body, body.rest_state(), step_s, SurfaceKind::smooth, {}, friction), law(contact_law) {}
 
   // Calls after(contact before the step, contact after it) at each of the surface's steps.
   template <class After>

@@ -38,6 +38,8 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
   { c.corners(i) } -> std::same_as<std::array<std::uint32_t, 3>>;
   // Across the edge opposite to corner `i` of the triangle; kNoTriangle at the border.
   { c.neighbour(i, i) } -> std::convertible_to<std::int32_t>;
+  // Of the material of triangle `i`.
+  { c.friction(i) } -> std::same_as<Friction<typename S::Real>>;
   // Cheap test: could a tip of this radius that moves from the first to the second point touch the surface?
   // May say yes too often.
   { s.is_near(v, v, radius) } -> std::same_as<bool>;
@@ -222,7 +224,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   const Vec3<Real> gap = target - response.free_m;
   const auto solution = solve_coulomb(gap - state.stretch_m * coupling.memory,
                                       response.compliance_m_N + Mat3<Real>::identity(coupling.compliance_m_N),
-                                      normal, law, previous);
+                                      normal, surface.friction(state.triangle), previous);
   state.mode = solution.mode;
   if (solution.mode == ContactMode::free) {
     // A damper may lose its hold while the tip is still behind the surface: it stays in contact, without

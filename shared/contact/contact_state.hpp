@@ -19,16 +19,25 @@ struct ContactState {
   Vec3<Real> force_N{};        // of the tip on the body during the last step
   Vec3<Real> normal{};         // unit outward normal in which that force was found; only with mode != free
   Vec3<Real> stretch_m{};      // of the coupling; zero where it does not yield, and when free
+  // The surface is asked to reach a place this far behind the tip, against the outward normal: more than 0
+  // only after a start inside the body, until the tip has been pushed out.
+  Real inset_m = 0;
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here
 };
 
-// Law of the contact: static_friction >= kinetic_friction >= 0. tip_radius_m >= 0.
+// Coulomb's coefficients of one place of a surface: static_coefficient >= kinetic_coefficient >= 0.
+template <class Real>
+struct Friction {
+  Real static_coefficient = 0;
+  Real kinetic_coefficient = 0;
+  friend bool operator==(const Friction&, const Friction&) = default;
+};
+
+// What the tip brings to the contact; friction belongs to the surface. tip_radius_m >= 0.
 template <class Real>
 struct ContactLaw {
-  Real static_friction = 0;
-  Real kinetic_friction = 0;
   Real tip_radius_m = 0;
   Coupling<Real> coupling{};
 };

@@ -18,7 +18,12 @@ class Bed {
   static constexpr double kSpacing_m = 0.01;
   static constexpr std::uint32_t kSide = 6;
 
-  Bed() : rest_(kSide * kSide), now_(kSide * kSide), before_(kSide * kSide), velocity_(kSide * kSide) {
+  explicit Bed(const Friction<double>& friction = {1.0, 1.0})
+      : friction_(friction),
+        rest_(kSide * kSide),
+        now_(kSide * kSide),
+        before_(kSide * kSide),
+        velocity_(kSide * kSide) {
     for (std::uint32_t j = 0; j < kSide; ++j)
       for (std::uint32_t i = 0; i < kSide; ++i) rest_[j * kSide + i] = {i * kSpacing_m, j * kSpacing_m, 0.0};
     now_ = before_ = rest_;
@@ -41,6 +46,7 @@ class Bed {
           return static_cast<std::int32_t>(other);
     return kNoTriangle;
   }
+  Friction<double> friction(std::uint32_t) const { return friction_; }
   bool is_near(const Vec3d&, const Vec3d&, double) { return true; }
   bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) const { return true; }
   Vec3d position(std::uint32_t n) { return now_[n]; }
@@ -84,6 +90,7 @@ class Bed {
   }
 
  private:
+  Friction<double> friction_;
   std::vector<Vec3d> rest_, now_, before_, velocity_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
 };
@@ -109,15 +116,15 @@ constexpr auto kNothing = [](const Vec3d&) {};
 TEST(Contact, NoForceBeforeTheSurfaceIsReached) {
   Bed bed;
   ContactState<double> state;
-  move(bed, state, {1, 1, 0}, {0.021, 0.023, 0.02}, {0.021, 0.023, 0.0001}, 0.2,
+  move(bed, state, {}, {0.021, 0.023, 0.02}, {0.021, 0.023, 0.0001}, 0.2,
        [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
 }
 
 TEST(Contact, PressingSticksWhereTheSurfaceWasMet) {
   Bed bed;
   ContactState<double> state;
-  const Vec3d tip = move(bed, state, {1, 1, 0}, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.5, kNothing);
-  const Vec3d held = move(bed, state, {1, 1, 0}, tip, tip, 0.5, kNothing);
+  const Vec3d tip = move(bed, state, {}, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.5, kNothing);
+  const Vec3d held = move(bed, state, {}, tip, tip, 0.5, kNothing);
   ASSERT_EQ(state.mode, ContactMode::stick);
   EXPECT_LT(norm(bed.contact_point(state) - held), 1e-9);
   // Static force: three springs of the corners, displaced as the bary-weighted point demands: k / sum(b^2) *
@@ -131,17 +138,16 @@ TEST(Contact, ATipWithRadiusTouchesEarlier) {
   ContactState<double> state;
   constexpr double kRadius_m = 0.004;
   double touched_at_m = -1;
-  move(bed, state, {1, 1, kRadius_m}, {0.021, 0.023, 0.01}, {0.021, 0.023, 0.002}, 0.5,
-       [&](const Vec3d& tip) {
-         if (state.mode != ContactMode::free && touched_at_m < 0) touched_at_m = tip.z;
-       });
+  move(bed, state, {kRadius_m}, {0.021, 0.023, 0.01}, {0.021, 0.023, 0.002}, 0.5, [&](const Vec3d& tip) {
+    if (state.mode != ContactMode::free && touched_at_m < 0) touched_at_m = tip.z;
+  });
   EXPECT_NEAR(touched_at_m, kRadius_m, 1e-5);
 }
 
 TEST(Contact, DragWithFrictionKeepsTheConeAndCrossesTriangles) {
-  Bed bed;
+  Bed bed({0.5, 0.5});
   ContactState<double> state;
-  const ContactLaw<double> law{0.5, 0.5, 0};
+  const ContactLaw<double> law{};
   Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
   int slipping = 0;
   std::uint32_t first = state.triangle, changes = 0, last = first;
@@ -158,9 +164,9 @@ TEST(Contact, DragWithFrictionKeepsTheConeAndCrossesTriangles) {
 }
 
 TEST(Contact, FrictionlessDragHasNoTangentialForce) {
-  Bed bed;
+  Bed bed({0.0, 0.0});
   ContactState<double> state;
-  const ContactLaw<double> law{0, 0, 0};
+  const ContactLaw<double> law{};
   Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
   move(bed, state, law, tip, {0.042, 0.023, -0.001}, 1.0, [&](const Vec3d&) {
     if (state.mode == ContactMode::free) return;
@@ -175,7 +181,7 @@ TEST(Contact, FrictionlessDragHasNoTangentialForce) {
 TEST(Contact, PullingAwaySeparatesAndTouchesAgain) {
   Bed bed;
   ContactState<double> state;
-  const ContactLaw<double> law{1, 1, 0};
+  const ContactLaw<double> law{};
   Vec3d tip = move(bed, state, law, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.3, kNothing);
   EXPECT_NE(state.mode, ContactMode::free);
   tip = move(bed, state, law, tip, {0.021, 0.023, 0.01}, 0.3,
@@ -189,7 +195,7 @@ TEST(Contact, AFastTipDoesNotTunnel) {
   Bed bed;
   ContactState<double> state;
   // 5 m/s: half a millimetre a step here, and once in a single step of 2 cm.
-  step_contact(bed, state, {1, 1, 0}, Vec3d{0.021, 0.023, 0.01}, Vec3d{0.022, 0.023, -0.01});
+  step_contact(bed, state, {}, Vec3d{0.021, 0.023, 0.01}, Vec3d{0.022, 0.023, -0.01});
   EXPECT_EQ(state.mode, ContactMode::stick);
   EXPECT_GT(-state.force_N.z, 0.0);
 }
@@ -197,24 +203,24 @@ TEST(Contact, AFastTipDoesNotTunnel) {
 TEST(Contact, BesideTheSurfaceThereIsNoContact) {
   Bed bed;
   ContactState<double> state;
-  move(bed, state, {1, 1, 0}, {-0.005, 0.023, 0.01}, {-0.005, 0.023, -0.01}, 0.2,
+  move(bed, state, {}, {-0.005, 0.023, 0.01}, {-0.005, 0.023, -0.01}, 0.2,
        [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
 }
 
 TEST(Contact, ATipThatStartsInsideIsLeftAloneUntilItHasBeenOutside) {
   Bed bed;
   ContactState<double> state;
-  Vec3d tip = move(bed, state, {1, 1, 0}, {0.021, 0.023, -0.003}, {0.021, 0.023, 0.003}, 0.2,
+  Vec3d tip = move(bed, state, {}, {0.021, 0.023, -0.003}, {0.021, 0.023, 0.003}, 0.2,
                    [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
-  move(bed, state, {1, 1, 0}, tip, {0.021, 0.023, -0.003}, 0.2, kNothing);
+  move(bed, state, {}, tip, {0.021, 0.023, -0.003}, 0.2, kNothing);
   EXPECT_EQ(state.mode, ContactMode::stick);
 }
 
 TEST(Contact, CollisionTimeIsFoundWithinTheStep) {
-  Bed bed;
+  Bed bed({10.0, 10.0});
   ContactState<double> state;
   // The tip moves sideways while it falls: where it crosses z = 0 tells the time of collision.
-  step_contact(bed, state, {10, 10, 0}, Vec3d{0.021, 0.023, 0.001}, Vec3d{0.025, 0.023, -0.003});
+  step_contact(bed, state, {}, Vec3d{0.021, 0.023, 0.001}, Vec3d{0.025, 0.023, -0.003});
   ASSERT_NE(state.mode, ContactMode::free);
   const auto corner = bed.corners(state.triangle);
   const double x = bed.position_before(corner[0]).x * state.barycentric.x +

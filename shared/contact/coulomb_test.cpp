@@ -35,7 +35,7 @@ TEST_F(Coulomb, StickClosesTheGapSlipKeepsTheConeFreeNeverPulls) {
     const Vec3d gap = vector() * 1e-3;
     const double mu = 0.5 * (1.0 + uniform_(random_));
     const auto previous = trial % 2 == 0 ? ContactMode::stick : ContactMode::slip;
-    const auto result = solve_coulomb(gap, c, normal, {mu, mu, 0.0}, previous);
+    const auto result = solve_coulomb(gap, c, normal, {mu, mu}, previous);
     ++seen[static_cast<int>(result.mode)];
     const double fn = -dot(normal, result.force_N);
     const double ft = norm(result.force_N + normal * fn);
@@ -60,8 +60,7 @@ TEST_F(Coulomb, StickClosesTheGapSlipKeepsTheConeFreeNeverPulls) {
 TEST_F(Coulomb, ForceWithoutFrictionIsAlongTheNormal) {
   for (int trial = 0; trial < 1000; ++trial) {
     const Vec3d normal = normalized(vector());
-    const auto result =
-        solve_coulomb(vector() * 1e-3, compliance(), normal, {0.0, 0.0, 0.0}, ContactMode::slip);
+    const auto result = solve_coulomb(vector() * 1e-3, compliance(), normal, {0.0, 0.0}, ContactMode::slip);
     EXPECT_LT(norm(cross(result.force_N, normal)), 1e-12 * (1.0 + norm(result.force_N)));
   }
 }
@@ -71,8 +70,7 @@ TEST_F(Coulomb, DirectionOfSlipIsThatOfTheFriction) {
   Mat3d c = Mat3d::identity(1e-3);
   c(0, 0) = 1.4e-3;
   const Vec3d normal{0, 0, 1};
-  const auto result =
-      solve_coulomb(Vec3d{2e-3, 1e-3, -0.5e-3}, c, normal, {0.5, 0.5, 0.0}, ContactMode::slip);
+  const auto result = solve_coulomb(Vec3d{2e-3, 1e-3, -0.5e-3}, c, normal, {0.5, 0.5}, ContactMode::slip);
   ASSERT_EQ(result.mode, ContactMode::slip);
   const Vec3d left = Vec3d{2e-3, 1e-3, -0.5e-3} - c * result.force_N;
   const Vec3d slip = normalized(Vec3d{left.x, left.y, 0});
@@ -83,9 +81,9 @@ TEST_F(Coulomb, DirectionOfSlipIsThatOfTheFriction) {
 TEST_F(Coulomb, StaticFrictionHoldsLongerThanKinetic) {
   const Mat3d c = Mat3d::identity(1e-3);
   const Vec3d gap{0.7e-3, 0, -1e-3};  // ratio of tangential to normal force 0.7
-  const ContactLaw<double> law{0.8, 0.5, 0.0};
-  EXPECT_EQ(solve_coulomb(gap, c, Vec3d{0, 0, 1}, law, ContactMode::stick).mode, ContactMode::stick);
-  EXPECT_EQ(solve_coulomb(gap, c, Vec3d{0, 0, 1}, law, ContactMode::slip).mode, ContactMode::slip);
+  const Friction<double> friction{0.8, 0.5};
+  EXPECT_EQ(solve_coulomb(gap, c, Vec3d{0, 0, 1}, friction, ContactMode::stick).mode, ContactMode::stick);
+  EXPECT_EQ(solve_coulomb(gap, c, Vec3d{0, 0, 1}, friction, ContactMode::slip).mode, ContactMode::slip);
 }
 
 TEST_F(Coulomb, WedgedContactSticks) {
@@ -93,13 +91,13 @@ TEST_F(Coulomb, WedgedContactSticks) {
   Mat3d c{{{2e-3, 0, 1.2e-3}, {0, 1e-3, 0}, {1.2e-3, 0, 1e-3}}};
   const Vec3d normal{0, 0, 1};
   const Vec3d force{1.2, 0, -0.5};  // ratio 2.4 > mu
-  const auto result = solve_coulomb(c * force, c, normal, {1.0, 1.0, 0.0}, ContactMode::stick);
+  const auto result = solve_coulomb(c * force, c, normal, {1.0, 1.0}, ContactMode::stick);
   EXPECT_TRUE(is_finite(result.force_N));
   EXPECT_GE(-dot(normal, result.force_N), 0.0);
 }
 
 TEST_F(Coulomb, SingularComplianceGivesNoForce) {
-  EXPECT_EQ(solve_coulomb(Vec3d{0, 0, -1}, Mat3d{}, Vec3d{0, 0, 1}, {1.0, 1.0, 0.0}, ContactMode::stick).mode,
+  EXPECT_EQ(solve_coulomb(Vec3d{0, 0, -1}, Mat3d{}, Vec3d{0, 0, 1}, {1.0, 1.0}, ContactMode::stick).mode,
             ContactMode::free);
 }
 

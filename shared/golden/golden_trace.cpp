@@ -35,26 +35,28 @@ struct Movement {
   std::uint32_t ticks;
   Vec3f to_m;
   float circle_m;  // radius, in the surface's plane; one turn in 125 ticks
+  Friction<float> friction;
   ContactLaw<float> law;
 };
 
 constexpr float kCircle_rad_per_tick = 0.0502654825f;  // 2 pi / 125
 constexpr Vec3f kStart_m{0.008f, 0.011f, 0.012f};
-constexpr ContactLaw<float> kRough{1.0f, 1.0f, 0.0f}, kUsual{0.4f, 0.3f, 0.0f}, kSlippery{0.0f, 0.0f, 0.0f},
-    kBall{0.5f, 0.5f, 0.003f};
+constexpr Friction<float> kRough{1.0f, 1.0f}, kUsual{0.4f, 0.3f}, kSlippery{0.0f, 0.0f}, kMiddle{0.5f, 0.5f};
+constexpr ContactLaw<float> kPoint{0.0f}, kBall{0.003f};
 constexpr Movement kMovements[] = {
-    {300, {0.008f, 0.011f, -0.002f}, 0.0f, kRough},      // touches, presses: sticks
-    {400, {0.010f, 0.012f, -0.002f}, 0.0003f, kRough},   // held with a tremor
-    {900, {0.024f, 0.019f, -0.0015f}, 0.0004f, kUsual},  // dragged: slips, sticks again
-    {300, {0.024f, 0.019f, 0.010f}, 0.0f, kUsual},       // lifted off
-    {300, {0.022f, 0.006f, -0.001f}, 0.0f, kSlippery},   // touches elsewhere
-    {600, {0.005f, 0.024f, -0.001f}, 0.0f, kSlippery},   // without friction, diagonally
-    {400, {0.0f, 0.033f, -0.001f}, 0.0f, kSlippery},     // over the border
-    {200, {0.016f, 0.015f, 0.015f}, 0.0f, kBall},        // away
-    {10, {0.016f, 0.015f, 0.0015f}, 0.0f, kBall},        // a fast hit with a sphere
-    {800, {0.006f, 0.016f, 0.0015f}, 0.0005f, kBall},    // dragged back
-    {200, {0.006f, 0.016f, 0.03f}, 0.0f, kBall},         // far away: the near test says no
-    {100, {0.016f, 0.015f, 0.001f}, 0.0f, kBall},       {100, {0.016f, 0.015f, -0.0005f}, 0.0f, kBall},
+    {300, {0.008f, 0.011f, -0.002f}, 0.0f, kRough, kPoint},      // touches, presses: sticks
+    {400, {0.010f, 0.012f, -0.002f}, 0.0003f, kRough, kPoint},   // held with a tremor
+    {900, {0.024f, 0.019f, -0.0015f}, 0.0004f, kUsual, kPoint},  // dragged: slips, sticks again
+    {300, {0.024f, 0.019f, 0.010f}, 0.0f, kUsual, kPoint},       // lifted off
+    {300, {0.022f, 0.006f, -0.001f}, 0.0f, kSlippery, kPoint},   // touches elsewhere
+    {600, {0.005f, 0.024f, -0.001f}, 0.0f, kSlippery, kPoint},   // without friction, diagonally
+    {400, {0.0f, 0.033f, -0.001f}, 0.0f, kSlippery, kPoint},     // over the border
+    {200, {0.016f, 0.015f, 0.015f}, 0.0f, kMiddle, kBall},       // away
+    {10, {0.016f, 0.015f, 0.0015f}, 0.0f, kMiddle, kBall},       // a fast hit with a sphere
+    {800, {0.006f, 0.016f, 0.0015f}, 0.0005f, kMiddle, kBall},   // dragged back
+    {200, {0.006f, 0.016f, 0.03f}, 0.0f, kMiddle, kBall},        // far away: the near test says no
+    {100, {0.016f, 0.015f, 0.001f}, 0.0f, kMiddle, kBall},
+    {100, {0.016f, 0.015f, -0.0005f}, 0.0f, kMiddle, kBall},
 };
 
 void count(Counters& counters, const ContactState<float>& before, const ContactState<float>& after) {
@@ -198,6 +200,10 @@ void GoldenTrace::build_model() {
                          .position_m = position_m_.data(),
                          .corner = corner_.data(),
                          .triangle_id = triangle_id_.data(),
+                         .frictions = 1,
+                         .static_friction = &friction_.static_coefficient,
+                         .kinetic_friction = &friction_.kinetic_coefficient,
+                         .triangle_friction = triangle_friction_.data(),
                          .coefficient = coefficient_.data(),
                          .load = load_.data(),
                          .basis_scale = basis_scale_.data(),
@@ -214,6 +220,7 @@ void GoldenTrace::run_model(Result& result) {
   Vec3f start_m = kStart_m, tip_m = kStart_m;
   std::uint32_t tick = 0;
   for (const Movement& movement : kMovements) {
+    friction_ = movement.friction;
     for (std::uint32_t i = 1; i <= movement.ticks; ++i, ++tick) {
       const float fraction = static_cast<float>(i) / static_cast<float>(movement.ticks);
       const SinCos turn = sin_cos(kCircle_rad_per_tick * static_cast<float>(i % 125));

@@ -66,6 +66,8 @@ class GoldenTrace {
   std::array<float, 3 * kNodes> position_m_{};
   std::array<std::uint8_t, 3 * kTriangles> corner_{};
   std::array<std::uint16_t, kTriangles> triangle_id_{};
+  Friction<float> friction_{};  // of all triangles, as the movement has it
+  std::array<std::uint8_t, kTriangles> triangle_friction_{};
   std::array<float, kCoefficientsPerMode * kModes> coefficient_{};
   std::array<float, kModes> load_{};
   std::array<float, kModes> basis_scale_{};

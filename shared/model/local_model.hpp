@@ -17,7 +17,8 @@ namespace palpate {
 inline constexpr std::size_t kMaxModes = 192;  // 64 nodes in 3D: the paper's 4x4x4 patch
 inline constexpr std::size_t kMaxSurfaceNodes = 32;
 inline constexpr std::size_t kMaxTriangles = 96;
-inline constexpr std::size_t kMaxBasis = 9216;  // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
+inline constexpr std::size_t kMaxFrictions = 4;  // different pairs of coefficients in one body
+inline constexpr std::size_t kMaxBasis = 9216;   // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
 inline constexpr std::size_t kCoefficientsPerMode = 6;  // a11 a12 a21 a22 b1 b2
 
 // The constant part of a local model, wherever it is stored. Positions in the device frame minus origin_m.
@@ -30,6 +31,10 @@ struct LocalModelView {
   const float* position_m = nullptr;     // nodes x 3, at q = 0
   const std::uint8_t* corner = nullptr;  // triangles x 3, node indices, counter-clockwise seen from outside
   const std::uint16_t* triangle_id = nullptr;  // triangles; the body's own numbers
+  std::size_t frictions = 0;
+  const float* static_friction = nullptr;           // frictions
+  const float* kinetic_friction = nullptr;          // frictions; at most the static one
+  const std::uint8_t* triangle_friction = nullptr;  // triangles; index of a friction
   const float* coefficient =
       nullptr;                  // modes x 6: A - I row by row, then B (position, velocity) per modal force
   const float* load = nullptr;  // modes; constant modal force
@@ -43,7 +48,8 @@ struct ModalState {
   std::array<float, kMaxModes> p{};  // modal velocities
 };
 
-// Checks counts against the capacities, indices against counts, and every number for NaN and infinity.
+// Checks counts against the capacities, indices against counts, friction coefficients against each other, and
+// every number for NaN and infinity.
 Status check(const LocalModelView& model, const ModalState& state);
 
 }  // namespace palpate

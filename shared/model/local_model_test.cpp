@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <utility>
 
 #include "shared/model/test_model.hpp"
 
@@ -40,6 +41,23 @@ TEST_F(LocalModelCheck, RefusesEmptyAndBadIndices) {
   EXPECT_EQ(check(view, model_.state), Status::model_inconsistent);
   model_.corner[4] = 4;
   EXPECT_EQ(check(model_.view, model_.state), Status::model_inconsistent);
+}
+
+TEST_F(LocalModelCheck, RefusesFrictionThatIsNone) {
+  model_.triangle_friction[1] = 1;
+  EXPECT_EQ(check(model_.view, model_.state), Status::model_inconsistent);
+  model_.triangle_friction[1] = 0;
+  for (const auto& [most, kinetic] : {std::pair{0.5f, 0.6f}, std::pair{0.5f, -0.1f}, std::pair{-0.1f, -0.1f},
+                                      std::pair{std::numeric_limits<float>::quiet_NaN(), 0.0f},
+                                      std::pair{0.5f, std::numeric_limits<float>::quiet_NaN()},
+                                      std::pair{std::numeric_limits<float>::infinity(), 0.0f}}) {
+    model_.static_friction[0] = most;
+    model_.kinetic_friction[0] = kinetic;
+    EXPECT_EQ(check(model_.view, model_.state), Status::model_inconsistent) << most << " " << kinetic;
+  }
+  auto view = model_.view;
+  view.frictions = kMaxFrictions + 1;
+  EXPECT_EQ(check(view, model_.state), Status::model_too_large);
 }
 
 TEST_F(LocalModelCheck, RefusesNanAnywhere) {

@@ -40,6 +40,10 @@ class ModalSurface {
   [[nodiscard]] std::int32_t neighbour(std::uint32_t triangle, std::uint32_t corner) const {
     return neighbour_[triangle][corner];
   }
+  [[nodiscard]] Friction<float> friction(std::uint32_t triangle) const {
+    const std::uint8_t index = model_.triangle_friction[triangle];
+    return {model_.static_friction[index], model_.kinetic_friction[index]};
+  }
   // True within the patch's bounding sphere plus its radius; then all nodes are evaluated, for the collision
   // search.
   bool is_near(const Vec3f& from, const Vec3f& to, float tip_radius_m);

@@ -48,6 +48,8 @@ struct TestModel {
   std::vector<float> position_m{0, 0, 0, 0.01f, 0, 0, 0.01f, 0.01f, 0, 0, 0.01f, 0};
   std::vector<std::uint8_t> corner{0, 1, 2, 0, 2, 3};
   std::vector<std::uint16_t> triangle_id{7, 9};
+  std::vector<float> static_friction{0.5f}, kinetic_friction{0.5f};
+  std::vector<std::uint8_t> triangle_friction{0, 0};
   std::vector<float> coefficient, load, scale;
   std::vector<std::int16_t> basis;
   ModalState state;
@@ -95,6 +97,10 @@ struct TestModel {
     view.position_m = position_m.data();
     view.corner = corner.data();
     view.triangle_id = triangle_id.data();
+    view.frictions = static_friction.size();
+    view.static_friction = static_friction.data();
+    view.kinetic_friction = kinetic_friction.data();
+    view.triangle_friction = triangle_friction.data();
     view.coefficient = coefficient.data();
     view.load = load.data();
     view.basis_scale = scale.data();

@@ -41,6 +41,9 @@ std::size_t payload_bytes(const palpate_LocalModel_1_0& message) {
          4 * (palpate_LocalModel_1_0_position_m_ARRAY_CAPACITY_ - message.position_m.count) -
          2 * (palpate_LocalModel_1_0_triangle_id_ARRAY_CAPACITY_ - message.triangle_id.count) -
          (palpate_LocalModel_1_0_corner_ARRAY_CAPACITY_ - message.corner.count) -
+         (palpate_LocalModel_1_0_triangle_friction_ARRAY_CAPACITY_ - message.triangle_friction.count) -
+         4 * (palpate_LocalModel_1_0_static_friction_ARRAY_CAPACITY_ - message.static_friction.count) -
+         4 * (palpate_LocalModel_1_0_kinetic_friction_ARRAY_CAPACITY_ - message.kinetic_friction.count) -
          4 * (palpate_LocalModel_1_0_coefficient_ARRAY_CAPACITY_ - message.coefficient.count) -
          4 * (palpate_LocalModel_1_0_load_ARRAY_CAPACITY_ - message.load.count) -
          4 * (palpate_LocalModel_1_0_state_q_ARRAY_CAPACITY_ - message.state_q.count) -

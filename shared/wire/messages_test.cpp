@@ -68,8 +68,6 @@ std::unique_ptr<palpate_LocalModel_1_0> model(std::size_t modes, std::size_t nod
   message->triangles = static_cast<std::uint8_t>(triangles);
   for (float& value : message->origin_m) value = number(random);
   message->tip_radius_m = 1e-3f;
-  message->static_friction = 1.0f;
-  message->kinetic_friction = 0.75f;
   message->surface = palpate_LocalModel_1_0_SURFACE_FLAT;
   message->coupling_stiffness_N_m = 2000.0f;
   message->coupling_damping_N_s_m = 1.5f;
@@ -81,6 +79,10 @@ std::unique_ptr<palpate_LocalModel_1_0> model(std::size_t modes, std::size_t nod
   fill(message->position_m, 3 * nodes, random);
   fill(message->triangle_id, triangles, random);
   fill(message->corner, 3 * triangles, random);
+  fill(message->triangle_friction, triangles, random);
+  const std::size_t frictions = triangles > 0 ? kMaxFrictions : 0;
+  fill(message->static_friction, frictions, random);
+  fill(message->kinetic_friction, frictions, random);
   fill(message->coefficient, 6 * modes, random);
   fill(message->load, modes, random);
   fill(message->state_q, modes, random);
@@ -161,18 +163,19 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   std::size_t written = 0;
   EXPECT_EQ(serialize(*large, out, written), Status::payload_malformed);
 
-  // On the way in: each length prefix of an empty model raised beyond its bound. They follow 75 bytes of
-  // fixed fields.
+  // On the way in: each length prefix of an empty model raised beyond its bound. They follow the fixed
+  // fields.
   const Bytes empty = to_bytes(*model(0, 0, 0));
   struct Prefix {
     std::size_t at, bytes, bound;
   };
-  constexpr std::size_t kFixedBytes = 95;
+  constexpr std::size_t kFixedBytes = 91;
   for (const Prefix& prefix :
-       {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 2, 1152}, Prefix{6, 1, 192},
-        Prefix{7, 1, 192}, Prefix{8, 1, 192}, Prefix{9, 1, 192}, Prefix{10, 2, 9216}}) {
+       {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 1, 96}, Prefix{5, 1, 4},
+        Prefix{6, 1, 4}, Prefix{7, 2, 1152}, Prefix{9, 1, 192}, Prefix{10, 1, 192}, Prefix{11, 1, 192},
+        Prefix{12, 1, 192}, Prefix{13, 2, 9216}}) {
     Bytes bytes = empty;
-    ASSERT_EQ(bytes.size(), kFixedBytes + 12);
+    ASSERT_EQ(bytes.size(), kFixedBytes + 15);
     bytes.resize(kLargestPayloadToBoard + 100);
     bytes[kFixedBytes + prefix.at] = static_cast<std::uint8_t>((prefix.bound + 1) & 0xFF);
     if (prefix.bytes == 2)

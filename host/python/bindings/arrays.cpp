@@ -31,8 +31,9 @@ nb::object vector3(const Vec3d& v) {
   return array(std::vector<double>{v.x, v.y, v.z});
 }
 
-void add_body(nb::dict& result, const host::Body& body, const Eigen::Matrix3Xd& position_m, double time_s,
-              const Vec3d* tip_m, const std::vector<int>& patch_nodes) {
+void add_body(nb::dict& result, const host::Body& body, const host::FrictionSpec& friction,
+              const Eigen::Matrix3Xd& position_m, double time_s, const Vec3d* tip_m,
+              const std::vector<int>& patch_nodes) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   result["body/time_s"] = time_s;
   result["body/rest_m"] = nodes_by_3(body.rest_position_m());
@@ -40,6 +41,13 @@ void add_body(nb::dict& result, const host::Body& body, const Eigen::Matrix3Xd& 
   result["body/tip_m"] = vector3(tip_m != nullptr ? *tip_m : Vec3d{kNone, kNone, kNone});
   result["body/triangles"] =
       columns3<std::uint32_t>(body.triangles(), [](const host::Triangle& t) { return t; });
+  const host::SurfaceFriction surface(body, friction);
+  std::vector<double> coefficient;
+  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
+    const Friction<double>& here = surface.of(static_cast<std::uint32_t>(t));
+    coefficient.insert(coefficient.end(), {here.static_coefficient, here.kinetic_coefficient});
+  }
+  result["body/triangle_friction"] = array(std::move(coefficient), 2);
   result["body/patch_nodes"] = column<std::uint32_t>(patch_nodes, [](int node) { return node; });
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "host/msd/body.hpp"
+#include "host/session/surface_friction.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate::python {
@@ -55,7 +56,8 @@ nb::object stacked(const std::vector<host::BodyState>& states, bool velocities, 
 nb::object vector3(const Vec3d& v);
 
 // The datasets body/* that every experiment returns. `tip_m` nullptr: there is none.
-void add_body(nb::dict& result, const host::Body& body, const Eigen::Matrix3Xd& position_m, double time_s,
-              const Vec3d* tip_m, const std::vector<int>& patch_nodes);
+void add_body(nb::dict& result, const host::Body& body, const host::FrictionSpec& friction,
+              const Eigen::Matrix3Xd& position_m, double time_s, const Vec3d* tip_m,
+              const std::vector<int>& patch_nodes);
 
 }  // namespace palpate::python

@@ -123,8 +123,8 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
   nb::dict result;
   add_ticks(result, run.ticks);
   add_updates(result, run.updates);
-  add_body(result, body, run.state_at_peak.position_m, run.peak_tick * kTick_s, &run.tip_at_peak_m,
-           run.patch_at_peak);
+  add_body(result, body, config.session.friction, run.state_at_peak.position_m, run.peak_tick * kTick_s,
+           &run.tip_at_peak_m, run.patch_at_peak);
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
   result["frames_lost_down"] = run.counters.frames_lost_down;
   result["frames_lost_up"] = run.counters.frames_lost_up;

@@ -118,16 +118,27 @@ std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body
 }
 
 ContactLaw<double> read_contact(const nb::dict& scene) {
-  const nb::dict contact = table(scene, "contact"), coupling = table(scene, "coupling");
-  return {number(contact, "static_friction"),
-          number(contact, "kinetic_friction"),
-          number(table(scene, "tool"), "radius_m"),
+  const nb::dict coupling = table(scene, "coupling");
+  return {number(table(scene, "tool"), "radius_m"),
           {number(coupling, "stiffness_N_m"), number(coupling, "damping_N_s_m")}};
 }
 
 SurfaceKind read_surface(const nb::dict& scene) {
   return choice<SurfaceKind>(text(table(scene, "contact"), "surface"), "contact.surface",
                              {{"smooth", SurfaceKind::smooth}, {"flat", SurfaceKind::flat}});
+}
+
+host::FrictionSpec read_friction(const nb::dict& scene) {
+  const nb::dict contact = table(scene, "contact");
+  const auto friction = [](const nb::dict& given) {
+    return Friction<double>{number(given, "static_friction"), number(given, "kinetic_friction")};
+  };
+  host::FrictionSpec spec{.elsewhere = friction(contact), .regions = {}};
+  for (const nb::handle entry : nb::object(contact["regions"])) {
+    const auto region = nb::cast<nb::dict>(entry);
+    spec.regions.push_back({vector(region, "from_m"), vector(region, "to_m"), friction(region)});
+  }
+  return spec;
 }
 
 plant::TipPath read_path(const nb::dict& scene) {
@@ -172,6 +183,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.host_delay_ticks = whole(rates, "host_delay_ticks");
   config.session.law = read_contact(scene);
   config.session.surface = read_surface(scene);
+  config.session.friction = read_friction(scene);
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
   const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);

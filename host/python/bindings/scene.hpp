@@ -23,6 +23,7 @@ host::BodyState read_start(const nb::dict& scene, const host::Body& body);
 std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body& body);
 ContactLaw<double> read_contact(const nb::dict& scene);
 SurfaceKind read_surface(const nb::dict& scene);
+host::FrictionSpec read_friction(const nb::dict& scene);
 plant::TipPath read_path(const nb::dict& scene);
 plant::PlantParameters read_plant(const nb::dict& scene);
 host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body);

@@ -29,6 +29,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
   config.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.law = read_contact(scene);
   config.surface = read_surface(scene);
+  config.friction = read_friction(scene);
   config.ticks = whole(scene, "duration_ticks");
   config.drives = read_drives(scene, body);
   config.export_ticks = whole_list(table(scene, "outputs"), "node_ticks");
@@ -54,6 +55,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
     result["tip/force_N"] = columns3<double>(run.mean_force_N, [](const Vec3d& f) { return f; });
     result["tip/contact_mode"] = column<std::uint8_t>(run.mode, [](ContactMode m) { return m; });
     result["tip/normal"] = columns3<double>(run.normal, or_nan);
+    result["tip/triangle"] = column<std::uint32_t>(run.triangle, [](std::uint32_t t) { return t; });
   }
   std::vector<double> export_time_s;
   for (const std::uint32_t tick : config.export_ticks) export_time_s.push_back(tick * kTick_s);
@@ -61,7 +63,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
   const auto nodes = static_cast<std::size_t>(body.node_count());
   result["nodes/position_m"] = stacked(run.exported, false, nodes);
   result["nodes/velocity_m_s"] = stacked(run.exported, true, nodes);
-  add_body(result, body, run.state_at_peak.position_m, run.peak_tick * kTick_s,
+  add_body(result, body, config.friction, run.state_at_peak.position_m, run.peak_tick * kTick_s,
            has_tip ? &config.tip_m[run.peak_tick] : nullptr, {});
   return result;
 }
@@ -75,6 +77,7 @@ nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& 
   config.law = read_contact(scene);
   config.surface = read_surface(scene);
   config.drives = read_drives(scene, body);
+  config.friction = read_friction(scene);
   // Rows may skip ticks that the board lost: the tip goes straight between them, as the board's own history
   // has it.
   const std::size_t rows = time_s.shape(0);

@@ -202,6 +202,16 @@ def _title(scene: Scene, what: str) -> str:
     return f"{scene.sections.title or scene.file.stem}: {what}"
 
 
+def _touched_friction(
+    values: Mapping[str, NDArray[Any]], mode: NDArray[Any], triangle: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Static and kinetic coefficients (n, 2) of the triangles that are touched; 0 when free."""
+    touching = mode != 0
+    friction = np.zeros((len(mode), 2))
+    friction[touching] = values["body/triangle_friction"][triangle[touching]]
+    return friction
+
+
 def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
@@ -219,7 +229,7 @@ def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], 
         time_s=time_s,
         rendered=figures.ForceTrace(values["ticks/force_N"], mode),
         normal=normal,
-        friction=scene.friction,
+        friction=_touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=age,
     )
@@ -236,7 +246,7 @@ def _draw_simulation(files: _Output, scene: Scene, values: Mapping[str, NDArray[
             time_s=values["tip/time_s"],
             rendered=figures.ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
             normal=values["tip/normal"],
-            friction=scene.friction,
+            friction=_touched_friction(values, values["tip/contact_mode"], values["tip/triangle"]),
             rendered_name="full body",
         )
     _draw_body(files, scene, values, values.get("tip/position_m"))

@@ -68,7 +68,7 @@ def save_forces(
     time_s: Array,
     rendered: ForceTrace,
     normal: Array,
-    friction: tuple[float, float],
+    friction: Array,
     reference: ForceTrace | None = None,
     model_age_ticks: Array | None = None,
     rendered_name: str = "firmware",
@@ -76,7 +76,7 @@ def save_forces(
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
     time_s: (n,). normal: (n, 3), outward surface normal at the contact (NaN: none), for splitting the forces.
-    friction: static and kinetic coefficients. model_age_ticks: (n,), NaN where no model was rendered.
+    friction: (n, 2), static and kinetic coefficient of the triangle that is touched (0 when free). model_age_ticks: (n,), NaN where no model was rendered.
     """
     heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
     figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")
@@ -99,14 +99,13 @@ def _draw_forces(
     time_s: Array,
     rendered: ForceTrace,
     normal: Array,
-    friction: tuple[float, float],
+    friction: Array,
     reference: ForceTrace | None,
     rendered_name: str,
 ) -> None:
     pressing_N, tangential_N = split_force(rendered.force_N, normal)
-    static, kinetic = friction
-    if static > 0.0:
-        _draw_cone(axes, time_s, pressing_N, static, kinetic)
+    if friction.any():
+        _draw_cone(axes, time_s, pressing_N, friction)
     lengths_N = [np.linalg.norm(rendered.force_N, axis=1)]
     if reference is not None:  # broad and light, below the rendered forces: where they agree both are seen
         normal_N, tangent_N = split_force(reference.force_N, normal)
@@ -124,10 +123,15 @@ def _draw_forces(
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
 
 
-def _draw_cone(axes: Axes, time_s: Array, pressing_N: Array, static: float, kinetic: float) -> None:
-    label = rf"friction cone: {static:g} $f_n$"
-    if static != kinetic:
-        label = rf"friction cones: {static:g} $f_n$ (static), {kinetic:g} $f_n$ (kinetic)"
+def _draw_cone(axes: Axes, time_s: Array, pressing_N: Array, friction: Array) -> None:
+    static, kinetic = friction.T
+    different = np.unique(friction[friction[:, 0] > 0.0], axis=0)
+    label = rf"friction cone: {different[0, 0]:g} $f_n$"
+    if len(different) > 1:
+        label = r"friction cone $\mu f_n$ of the triangle touched"
+    elif different[0, 0] != different[0, 1]:
+        label = rf"friction cones: {different[0, 0]:g} $f_n$ (static), {different[0, 1]:g} $f_n$ (kinetic)"
+    if not np.array_equal(static, kinetic):
         axes.plot(time_s, kinetic * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (1, 1.5)))
     axes.fill_between(time_s, 0.0, static * pressing_N, color=_CONE, alpha=0.10, linewidth=0)
     axes.plot(time_s, static * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (4, 2)), label=label)

@@ -150,6 +150,13 @@ BODY = (
         "nodes of each surface triangle, counter-clockwise from outside; none in two dimensions",
     ),
     Dataset(
+        "body/triangle_friction",
+        "f8",
+        ("triangles", 2),
+        "",
+        "coefficients of static and kinetic friction of each surface triangle",
+    ),
+    Dataset(
         "body/patch_nodes",
         "u4",
         ("patch nodes",),
@@ -173,6 +180,14 @@ SIMULATE = (
         ("ticks", 3),
         "",
         "outward surface normal at the contact; NaN when free",
+        optional=True,
+    ),
+    Dataset(
+        "tip/triangle",
+        "u4",
+        ("ticks",),
+        "",
+        "surface triangle that is touched (index into body/triangles); only with contact_mode > 0",
         optional=True,
     ),
     Dataset("nodes/time_s", "f8", ("times",), "s", "time of export", hashed=True),

@@ -35,11 +35,6 @@ class Scene:
         return round(self.sections.duration_s / TICK_S)
 
     @property
-    def friction(self) -> tuple[float, float]:
-        """Coefficients of static and kinetic friction."""
-        return friction(self.sections.contact)
-
-    @property
     def damping_N_s_m(self) -> float:
         """Damping of each spring; the ratio is b / sqrt(2 m k) (Table 2 of Jacobs, Fu and Cavusoglu, 2010)."""
         body = self.sections.body
@@ -69,12 +64,12 @@ class Scene:
         values: dict[str, Any] = _with_lists(asdict(self.sections))
         values["duration_ticks"] = self.duration_ticks
         values["body"] = _body_dict(self.sections.body, self.damping_N_s_m)
-        static, kinetic = self.friction
-        values["contact"] = {
-            "static_friction": static,
-            "kinetic_friction": kinetic,
-            "surface": self.sections.contact.surface,
-        }
+        contact = self.sections.contact
+        for given, table in zip(
+            (contact, *contact.regions), (values["contact"], *values["contact"]["regions"]), strict=True
+        ):
+            del table["friction"]
+            table["static_friction"], table["kinetic_friction"] = friction(given)
         if self.sections.coupling.kind == "kinematic":  # stiffness 0 to the core
             values["coupling"].update(stiffness_N_m=0.0, damping_N_s_m=0.0)
         values["integrator"]["steps_per_tick"] = steps_per_tick(self.sections.integrator.step_s)

@@ -5,8 +5,20 @@ from dataclasses import fields
 from itertools import product
 
 from palpate.scene_schema import Reader, SceneError
-from palpate.scene_sections import TICK_S, BitFlip, Body, Contact, Hand, Outputs, Path, SceneFile
+from palpate.scene_sections import (
+    TICK_S,
+    BitFlip,
+    Body,
+    Contact,
+    FrictionRegion,
+    Hand,
+    Outputs,
+    Path,
+    SceneFile,
+)
 
+# Capacity of a local model (kMaxFrictions in shared/model).
+MAX_FRICTIONS = 4
 MAX_PATCH_NODES = 64
 # 1.2 GB of positions and velocities in memory and in the record.
 MAX_EXPORTED_NODES = 25_000_000
@@ -152,31 +164,51 @@ def fixed_nodes(body: Body) -> set[tuple[int, ...]]:
 
 
 def _check_contact(reader: Reader, contact: Contact) -> None:
-    if contact.friction is not None:
+    _check_friction(reader, "contact", contact)
+    for i, region in enumerate(contact.regions):
+        where = f"contact.regions[{i}]"
+        _check_friction(reader, where, region)
+        for axis, (low_m, high_m) in enumerate(zip(region.from_m, region.to_m, strict=True)):
+            if low_m > high_m:
+                raise reader.error(
+                    f"{where}.from_m",
+                    list(region.from_m),
+                    f"at most {where}.to_m in each coordinate; {'xyz'[axis]} is greater",
+                )
+    different = {friction(contact), *map(friction, contact.regions)}
+    if len(different) > MAX_FRICTIONS:
+        raise reader.problem(
+            "contact.regions",
+            f"{len(different)} different pairs of friction coefficients in the scene; must be at most {MAX_FRICTIONS}",
+        )
+
+
+def _check_friction(reader: Reader, where: str, given: Contact | FrictionRegion) -> None:
+    if given.friction is not None:
         for name, value in (
-            ("static_friction", contact.static_friction),
-            ("kinetic_friction", contact.kinetic_friction),
+            ("static_friction", given.static_friction),
+            ("kinetic_friction", given.kinetic_friction),
         ):
             if value is not None:
                 raise reader.problem(
-                    f"contact.{name}",
-                    f"given together with contact.friction = {contact.friction:g}; must be only one",
+                    f"{where}.{name}",
+                    f"given together with {where}.friction = {given.friction:g}; must be only one",
                 )
-    static, kinetic = friction(contact)
-    if contact.kinetic_friction is not None and contact.static_friction is None:
+    static, kinetic = friction(given)
+    if given.kinetic_friction is not None and given.static_friction is None:
         raise reader.problem(
-            "contact.static_friction", "missing; must be in [0, 10] where contact.kinetic_friction is given"
+            f"{where}.static_friction", f"missing; must be in [0, 10] where {where}.kinetic_friction is given"
         )
     if kinetic > static:
         raise reader.error(
-            "contact.kinetic_friction", kinetic, f"in [0, {static:g}], at most contact.static_friction"
+            f"{where}.kinetic_friction", kinetic, f"in [0, {static:g}], at most {where}.static_friction"
         )
 
 
-def friction(contact: Contact) -> tuple[float, float]:
+def friction(given: Contact | FrictionRegion) -> tuple[float, float]:
     """Coefficients of static and of kinetic friction, with the defaults filled in."""
-    static = next((v for v in (contact.static_friction, contact.friction) if v is not None), 0.0)
-    return static, static if contact.kinetic_friction is None else contact.kinetic_friction
+    static = next((v for v in (given.static_friction, given.friction) if v is not None), 0.0)
+    return static, static if given.kinetic_friction is None else given.kinetic_friction
 
 
 def _check_path(reader: Reader, path: Path) -> None:

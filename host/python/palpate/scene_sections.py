@@ -127,6 +127,30 @@ class Integrator:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrictionRegion:
+    """A part of the body's surface with a friction of its own."""
+
+    from_m: tuple[float, ...] = key(
+        Vector((3,), _COORDINATE), "lowest corner of a box in the device frame", unit="m"
+    )
+    to_m: tuple[float, ...] = key(
+        Vector((3,), _COORDINATE), "highest corner; no coordinate less than that of `from_m`", unit="m"
+    )
+    friction: float | None = key(
+        Number(0.0, 10.0),
+        "as `friction` in [contact]",
+        default=None,
+        default_text="0, unless `static_friction` is given",
+    )
+    static_friction: float | None = key(
+        Number(0.0, 10.0), "as `static_friction` in [contact]", default=None, default_text="`friction`"
+    )
+    kinetic_friction: float | None = key(
+        Number(0.0, 10.0), "as `kinetic_friction` in [contact]", default=None, default_text="`static_friction`"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Contact:
     """Contact of the tip with the body: Coulomb friction, and the surface that is touched."""
 
@@ -153,6 +177,12 @@ class Contact:
         "what the triangles stand for; `smooth`: the normal is interpolated between nodes; `flat`: it is that of the "
         "triangle, as in the paper",
         default="smooth",
+    )
+    regions: tuple[FrictionRegion, ...] = key(
+        TablesOf(FrictionRegion, 1000),
+        "parts of the surface with other friction: a triangle belongs to the last region whose box holds its centroid at "
+        "rest; at most 4 different pairs of coefficients in a scene; see below",
+        default=(),
     )
 
 

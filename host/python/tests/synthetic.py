@@ -47,6 +47,7 @@ def body_values(nodes: int = NODES) -> dict[str, Any]:
         "body/position_m": rest_m + displacement,
         "body/tip_m": tip_m,
         "body/triangles": triangles,
+        "body/triangle_friction": np.full((len(triangles), 2), 0.5),
         "body/patch_nodes": np.argsort(squared)[:16],
     }
 
@@ -142,6 +143,7 @@ def simulate_values(ticks: int = 300, times: int = 3) -> dict[str, Any]:
         "tip/position_m": np.stack([0.012 + 0 * t, 0.003 + 0 * t, -0.02 - 0.004 * pressing_N], axis=1),
         "tip/force_N": np.stack([0.3 * pressing_N, 0 * t, -pressing_N], axis=1),
         "tip/contact_mode": (pressing_N > 0).astype(int),
+        "tip/triangle": np.zeros(ticks, int),
         "tip/normal": np.where((pressing_N > 0)[:, None], [0.0, 0.0, 1.0], np.nan),
         "nodes/time_s": np.linspace(0.0, 1e-3 * ticks, times),
         "nodes/position_m": body["body/rest_m"] + growth * moved_m,
@@ -166,5 +168,6 @@ def sheet_values(nodes: int = 12) -> dict[str, Any]:
         "body/position_m": position_m,
         "body/tip_m": np.full(3, np.nan),
         "body/triangles": np.zeros((0, 3)),
+        "body/triangle_friction": np.zeros((0, 2)),
         "body/patch_nodes": np.zeros(0),
     }

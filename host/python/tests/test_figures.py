@@ -32,16 +32,18 @@ def shape(values: dict[str, Any], lattice: tuple[int, int, int]) -> BodyShape:
     )
 
 
-@pytest.mark.parametrize("friction", [(1.0, 1.0), (0.8, 0.5), (0.0, 0.0)])
-def test_forces_of_a_run(tmp_path: Path, friction: tuple[float, float]) -> None:
+@pytest.mark.parametrize("friction", [((1.0, 1.0),), ((0.8, 0.5),), ((0.0, 0.0),), ((1.0, 1.0), (0.3, 0.2))])
+def test_forces_of_a_run(tmp_path: Path, friction: tuple[tuple[float, float], ...]) -> None:
     values, _ = run_values(ticks=1000)
+    # One pair after the other, as on a body with regions.
+    of_tick = np.array(friction)[np.arange(1000) * len(friction) // 1000]
     figures.save_forces(
         tmp_path / "forces.png",
         title="run",
         time_s=1e-3 * values["ticks/tick"],
         rendered=ForceTrace(values["ticks/force_N"], values["ticks/contact_mode"]),
         normal=values["reference/normal"],
-        friction=friction,
+        friction=of_tick,
         reference=ForceTrace(values["reference/force_N"], values["reference/contact_mode"]),
         model_age_ticks=values["ticks/model_age_ticks"],
     )
@@ -56,7 +58,7 @@ def test_forces_of_a_simulation(tmp_path: Path) -> None:
         time_s=values["tip/time_s"],
         rendered=ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
         normal=values["tip/normal"],
-        friction=(0.5, 0.5),
+        friction=np.full((len(values["tip/time_s"]), 2), 0.5),
     )
     assert ink(tmp_path / "forces.png") > INK_FRACTION
 
@@ -68,7 +70,7 @@ def test_forces_of_a_single_tick(tmp_path: Path) -> None:
         time_s=np.array([0.001]),
         rendered=ForceTrace(np.zeros((1, 3)), np.zeros(1)),
         normal=np.full((1, 3), np.nan),
-        friction=(0.5, 0.5),
+        friction=np.zeros((1, 2)),
     )
     assert (tmp_path / "forces.png").exists()
 

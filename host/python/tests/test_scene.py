@@ -76,7 +76,12 @@ def test_defaults_of_a_small_scene(load: Load) -> None:
     assert given["body"]["nodes"] == [4, 5, 6]
     # Table 2 of the paper: sqrt(2 * 1 g * 100 N/m) at damping ratio 1
     assert given["body"]["damping_N_s_m"] == pytest.approx(math.sqrt(0.2), rel=1e-15)
-    assert given["contact"] == {"static_friction": 0.5, "kinetic_friction": 0.5, "surface": "smooth"}
+    assert given["contact"] == {
+        "static_friction": 0.5,
+        "kinetic_friction": 0.5,
+        "regions": [],
+        "surface": "smooth",
+    }
     assert given["integrator"]["steps_per_tick"] == 10
     assert given["path"]["interpolation"] == "minimum_jerk"
     np.testing.assert_array_equal(given["path"]["time_s"], [0.0, 0.5])
@@ -110,7 +115,8 @@ def test_friction_and_damping_can_be_given_apart(load: Load) -> None:
         "friction = 0.5", "static_friction = 0.9\nkinetic_friction = 0.4"
     )
     scene = load(text)
-    assert scene.friction == (0.9, 0.4)
+    contact = scene.to_dict()["contact"]
+    assert (contact["static_friction"], contact["kinetic_friction"]) == (0.9, 0.4)
     assert scene.damping_N_s_m == 0.2
 
 
@@ -277,6 +283,31 @@ BAD = {
     "unknown surface": (
         GOOD.replace("friction = 0.5", 'surface = "round"'),
         'scene.toml: contact.surface = "round": must be one of "smooth", "flat"',
+    ),
+    "region upside down": (
+        GOOD.replace("friction = 0.5", "friction = 0.5\nregions = [{from_m = [0, 0.2, 0], to_m = [0, 0.1, 0]}]"),
+        "scene.toml: contact.regions[0].from_m = [0, 0.2, 0]: must be at most contact.regions[0].to_m in each "
+        "coordinate; y is greater",
+    ),
+    "region with kinetic above static friction": (
+        GOOD.replace(
+            "friction = 0.5",
+            "friction = 0.5\n[[contact.regions]]\nfrom_m = [0, 0, 0]\nto_m = [0, 0, 0]\nstatic_friction = 0.1\n"
+            "kinetic_friction = 0.2",
+        ),
+        "scene.toml: contact.regions[0].kinetic_friction = 0.2: must be in [0, 0.1], at most "
+        "contact.regions[0].static_friction",
+    ),
+    "too many frictions": (
+        GOOD.replace(
+            "friction = 0.5",
+            "friction = 0.5\nregions = ["
+            + ", ".join(
+                f"{{from_m = [0, 0, 0], to_m = [0, 0, 0], friction = {value}}}" for value in (1, 2, 3, 4)
+            )
+            + "]",
+        ),
+        "scene.toml: contact.regions: 5 different pairs of friction coefficients in the scene; must be at most 4",
     ),
     "kinetic friction alone": (
         GOOD.replace("friction = 0.5", "kinetic_friction = 0.5"),
