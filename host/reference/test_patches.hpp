@@ -17,7 +17,7 @@ using host::test::reference_spec;
 inline LinearPatch reference_patch(double damping_ratio, const PatchSize& size = {4, 4, 2}) {
   const Body body = make_lattice(reference_spec(6, damping_ratio));
   const BodyState rest = body.rest_state();
-  return linear_patch(body, rest, nearest_surface_point(body, rest.position_m, {0.025, 0.025, 1.0}), size);
+  return linear_patch(body, rest, nearest_surface_point(body, rest.position_m, {0.025, 0.025, 0.06}), size);
 }
 
 class Random {
