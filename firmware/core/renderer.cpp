@@ -21,7 +21,7 @@ bool counts_agree(const palpate_LocalModel_1_0& m) {
 bool law_is_valid(const palpate_LocalModel_1_0& m) {
   return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.coupling_stiffness_N_m) &&
          m.coupling_stiffness_N_m >= 0.0f && std::isfinite(m.coupling_damping_N_s_m) &&
-         m.coupling_damping_N_s_m >= 0.0f;
+         m.coupling_damping_N_s_m >= 0.0f && m.tip_source <= static_cast<std::uint8_t>(TipSource::estimated);
 }
 
 // Weights of a point on a triangle, as single precision leaves them.
@@ -127,6 +127,7 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     slot.state.p[i] = m.state_p.elements[i];
   }
   slot.law = {m.tip_radius_m, {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
+  slot.tip = static_cast<TipSource>(m.tip_source);
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
   slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
@@ -267,6 +268,11 @@ std::uint32_t Renderer::model_sequence() const {
   return have_model_.load(std::memory_order_relaxed)
              ? slots_[active_.load(std::memory_order_relaxed)].sequence
              : 0;
+}
+
+bool Renderer::estimates_tip() const {
+  return have_model_.load(std::memory_order_relaxed) &&
+         slots_[active_.load(std::memory_order_relaxed)].tip == TipSource::estimated;
 }
 
 std::uint32_t Renderer::model_age_ticks() const {

@@ -74,6 +74,8 @@ class Renderer {
   // Unit outward normal in which the force of the newest tick was found; zero when free.
   [[nodiscard]] Vec3f contact_normal() const;
   [[nodiscard]] std::uint32_t catch_up_ticks() const;  // that the shadow lags behind; 0: none is catching up
+  // Does the active model want the tip between encoder counts (palpate.LocalModel TIP_ESTIMATED)?
+  [[nodiscard]] bool estimates_tip() const;
   [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
   // Forgets the models (outputs must be off): the next one starts afresh.
   void isr_reset();
@@ -86,6 +88,7 @@ class Renderer {
     ModalSurface surface{};
     ContactState<float> contact{};
     ContactLaw<float> law{};
+    TipSource tip = TipSource::counts;
     Vec3f previous_tip_m{};  // relative to the model's origin
     std::uint32_t tick = 0;  // state and contact are those at the end of this tick
     std::uint32_t model_tick = 0;

@@ -1,6 +1,8 @@
 // The servo tick, without hardware: encoder counts in, motor current set-points out.
 //
 // counts -> joint angles -> tip (shared/device) -> force of the local model (Renderer) -> supervisor
+//        The supervisor sees the tip of the counts; the renderer that one or an estimate between counts
+//        (count_estimator), as the active model asks for.
 //        -> joint torques that push the tip with the opposite force, plus gravity -> motor currents.
 #pragma once
 
@@ -8,6 +10,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "firmware/core/count_estimator.hpp"
 #include "firmware/core/mailbox.hpp"
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/supervisor.hpp"
@@ -70,6 +73,7 @@ class Servo {
  private:
   SupervisorInputs gather(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose,
                           const ServoSample& sample);
+  Vec3f update_estimate(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose);
   void post(const ServoTiming& timing, const Decision& decision);
   void record_flags(const ServoTiming& timing, const Decision& decision);
 
@@ -84,7 +88,9 @@ class Servo {
   device::EncoderCounts reference_count_{};  // in the reference pose
   device::EncoderCounts previous_count_{};
   device::EncoderCounts rest_count_{};  // at the start of a calibration
-  Vec3f tip_m_{};                       // of the last tick whose pose was known
+  CountEstimators estimators_{};
+  Vec3f tip_m_{};           // of the last tick whose pose was known
+  Vec3f rendered_tip_m_{};  // likewise, as the renderer was told it
   bool have_counts_ = false;
   bool have_tip_ = false;
   bool status_due_ = true;  // a snapshot that found its ring full is sent later

@@ -70,6 +70,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
     message.static_friction.elements[i] = narrow(friction.different()[i].static_coefficient);
     message.kinetic_friction.elements[i] = narrow(friction.different()[i].kinetic_coefficient);
   }
+  message.tip_source = static_cast<std::uint8_t>(stamp.tip);
   pack_contact(contact, message.contact);
 
   message.position_m.count = 3 * nodes;

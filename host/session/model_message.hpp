@@ -15,6 +15,7 @@ struct ModelStamp {
   std::uint32_t sequence = 0;
   std::uint32_t tick = 0;
   std::uint16_t valid_ticks = 0;
+  TipSource tip = TipSource::counts;
 };
 
 // Fills `message`. `friction` and `contact` are those of the full body, `contact` at stamp.tick, its triangle

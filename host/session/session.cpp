@@ -77,7 +77,7 @@ std::optional<ModelUpdate> Session::update() {
       build_patch(body_, surface_.state(), *point, config_.patch, kTick_s, {}, surface_.drives().upcoming());
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
   ModelUpdate update;
-  pack_model(model, {++sequence_, tick_, config_.valid_ticks}, config_.law, config_.surface,
+  pack_model(model, {++sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, config_.surface,
              surface_.friction(), contact_, update.message);
   update.state = surface_.state();
   update.patch_nodes = model.node;

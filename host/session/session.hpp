@@ -19,6 +19,7 @@ namespace palpate::host {
 
 struct SessionConfig {
   ContactLaw<double> law{};
+  TipSource tip = TipSource::counts;
   SurfaceKind surface = SurfaceKind::smooth;
   FrictionSpec friction{};
   double step_s = 1e-4;     // of the full body; divides the servo tick

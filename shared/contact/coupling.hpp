@@ -9,6 +9,8 @@
 // haptic display of tool use, IROS 1995 (virtual coupling).
 #pragma once
 
+#include <cstdint>
+
 #include "shared/math/linear.hpp"
 
 namespace palpate {
@@ -19,6 +21,12 @@ template <class Real>
 struct Coupling {
   Real stiffness_N_m = 0;
   Real damping_N_s_m = 0;
+};
+
+// Where the device's tip is taken to be: values travel over the link (palpate.LocalModel TIP_*).
+enum class TipSource : std::uint8_t {
+  counts = 0,    // where the encoder counts say
+  estimated = 1  // estimated between them (firmware/core/count_estimator.hpp)
 };
 
 // The coupling over one step.

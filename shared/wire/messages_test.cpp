@@ -71,6 +71,7 @@ std::unique_ptr<palpate_LocalModel_1_0> model(std::size_t modes, std::size_t nod
   message->surface = palpate_LocalModel_1_0_SURFACE_FLAT;
   message->coupling_stiffness_N_m = 2000.0f;
   message->coupling_damping_N_s_m = 1.5f;
+  message->tip_source = palpate_LocalModel_1_0_TIP_ESTIMATED;
   message->contact.mode = palpate_Contact_1_0_MODE_SLIP;
   message->contact.triangle = 4321;
   for (float& value : message->contact.barycentric) value = number(random);
@@ -169,7 +170,7 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   struct Prefix {
     std::size_t at, bytes, bound;
   };
-  constexpr std::size_t kFixedBytes = 91;
+  constexpr std::size_t kFixedBytes = 92;
   for (const Prefix& prefix :
        {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 1, 96}, Prefix{5, 1, 4},
         Prefix{6, 1, 4}, Prefix{7, 2, 1152}, Prefix{9, 1, 192}, Prefix{10, 1, 192}, Prefix{11, 1, 192},

@@ -182,6 +182,9 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.ticks = whole(scene, "duration_ticks");
   config.host_delay_ticks = whole(rates, "host_delay_ticks");
   config.session.law = read_contact(scene);
+  config.session.tip =
+      choice<TipSource>(text(table(scene, "coupling"), "tip"), "coupling.tip",
+                        {{"counts", TipSource::counts}, {"estimated", TipSource::estimated}});
   config.session.surface = read_surface(scene);
   config.session.friction = read_friction(scene);
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");

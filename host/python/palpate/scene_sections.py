@@ -201,6 +201,12 @@ class Coupling:
     damping_N_s_m: float = key(
         Number(0.0, 1e3), "of the damper; `virtual` only", unit="N s/m", default=1.0
     )
+    tip: str = key(
+        Choice(("counts", "estimated")),
+        "where the device's tip is taken to be (`palpate run` only); `counts`: where the encoder counts say; "
+        "`estimated`: the board estimates it between counts",
+        default="counts",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,80 @@
+// Where a joint is between two encoder counts, and how fast it moves, from the counts alone.
+//
+// Two stages. The tracker goes on at the velocity that it has learnt and is held inside the interval that the
+// count stands for: a count that toggles does not move it, and in motion it crosses from one interval to the
+// next when the joint does. The velocity learns from counts that follow each other in one direction (the miss
+// at the new count over the ticks since the last one); one that turns back sets it to zero. The output
+// follows the tracker with the same velocity: slowly at rest, so that a count that comes after a long time
+// does not click, without delay in motion. Related: first-order adaptive windowing (Janabi-Sharifi, Hayward,
+// Chen, IEEE Trans. Control Systems Technology 8(6), 2000), which likewise takes the longest time that one
+// velocity explains; compared in docs/decisions/coupling.md.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace palpate::firmware {
+
+// Share of a miss that the velocity takes up at each count.
+inline constexpr float kVelocityGain = 0.5f;
+// A count that follows another one later than this is taken for the first.
+inline constexpr float kLongestInterval_ticks = 128.0f;
+// The output closes 1/16 of its distance to the tracker per tick at rest, and |velocity| times this more.
+inline constexpr float kRestGain = 1.0f / 16.0f;
+inline constexpr float kMotionGain_ticks = 4.0f;
+// The output is held this close to the count.
+inline constexpr float kFarthest_count = 1.5f;
+// More than this in a tick (30 m/s at the tip) is no motion: the estimate starts anew.
+inline constexpr float kLargestStep_count = 1000.0f;
+
+// One joint. All positions are relative to the count, in counts. The joint itself is within half a count of
+// its count, so the tracker is within one count of it, and the output within two; one, when the joint has
+// come to rest.
+class CountEstimator {
+ public:
+  // Interrupt context, once per servo tick: the count's change since the last call, and the ticks since then.
+  void update(float change_count, float elapsed_ticks) {
+    if (!(change_count <= kLargestStep_count && change_count >= -kLargestStep_count)) {
+      *this = {};
+      return;
+    }
+    const float travel = velocity_ * elapsed_ticks;
+    const float ahead = tracked_ + travel - change_count;
+    tracked_ = ahead > 0.5f ? 0.5f : (ahead < -0.5f ? -0.5f : ahead);
+    const float miss = tracked_ - ahead;
+    since_count_ += elapsed_ticks;
+    if (since_count_ > kLongestInterval_ticks) since_count_ = kLongestInterval_ticks;
+    if (change_count != 0.0f) {
+      const std::int8_t direction = change_count > 0.0f ? 1 : -1;
+      velocity_ = direction == direction_ ? velocity_ + kVelocityGain * miss / since_count_ : 0.0f;
+      direction_ = direction;
+      since_count_ = 0.0f;
+    } else {
+      velocity_ += kVelocityGain * miss;  // the count that it expected has not come
+    }
+
+    const float speed = velocity_ < 0.0f ? -velocity_ : velocity_;
+    float gain = (kRestGain + kMotionGain_ticks * speed) * elapsed_ticks;
+    if (gain > 1.0f) gain = 1.0f;
+    offset_ += velocity_ * elapsed_ticks - change_count;
+    offset_ += gain * (tracked_ - offset_);
+    if (offset_ > kFarthest_count) offset_ = kFarthest_count;
+    if (offset_ < -kFarthest_count) offset_ = -kFarthest_count;
+  }
+
+  // Estimated position less the count.
+  [[nodiscard]] float offset_count() const { return offset_; }
+  // Counts per tick.
+  [[nodiscard]] float velocity_count_tick() const { return velocity_; }
+
+ private:
+  float tracked_ = 0.0f;  // within [-1/2, 1/2]
+  float offset_ = 0.0f;
+  float velocity_ = 0.0f;
+  float since_count_ = kLongestInterval_ticks;
+  std::int8_t direction_ = 0;  // of the last change
+};
+
+using CountEstimators = std::array<CountEstimator, 3>;
+
+}  // namespace palpate::firmware
