@@ -275,6 +275,11 @@ bool Renderer::estimates_tip() const {
          slots_[active_.load(std::memory_order_relaxed)].tip == TipSource::estimated;
 }
 
+const ModalState* Renderer::model_state() const {
+  return have_model_.load(std::memory_order_relaxed) ? &slots_[active_.load(std::memory_order_relaxed)].state
+                                                     : nullptr;
+}
+
 std::uint32_t Renderer::model_age_ticks() const {
   if (!have_model_.load(std::memory_order_relaxed)) return 0;
   return last_tick_.load(std::memory_order_relaxed) -

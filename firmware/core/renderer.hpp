@@ -69,7 +69,9 @@ class Renderer {
   bool sample(std::uint32_t tick, ServoSample& out) const;
 
   // Interrupt context.
-  [[nodiscard]] std::uint32_t model_sequence() const;   // of the active model; 0: none
+  [[nodiscard]] std::uint32_t model_sequence() const;  // of the active model; 0: none
+  // Modes of the active model after the newest tick, for the host that repeats the rendering; nullptr: none.
+  [[nodiscard]] const ModalState* model_state() const;
   [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
   // Unit outward normal in which the force of the newest tick was found; zero when free.
   [[nodiscard]] Vec3f contact_normal() const;

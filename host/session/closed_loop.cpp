@@ -93,11 +93,22 @@ class Host {
     // A frame that is refused for its CRC leaves a gap in the transfer identifiers too: the gaps count both.
     result_.counters.frames_lost_up = counters.frames_lost + counters.payloads_malformed;
     result_.counters.frames_lost_down = board_lost_;
+    if (config_.probe_node) result_.probe = replay(recorded, *config_.probe_node);
     result_.ticks = std::move(recorded);
     return std::move(result_);
   }
 
  private:
+  // What the board rendered, tick by tick.
+  std::vector<ReplayedTick> replay(const std::vector<LoopTick>& recorded, int node) {
+    std::vector<RenderedTick> ticks;
+    ticks.reserve(recorded.size());
+    for (const LoopTick& row : recorded)
+      ticks.push_back(
+          {row.tick, {row.board.tip_m[0], row.board.tip_m[1], row.board.tip_m[2]}, row.board.model_sequence});
+    return replay_models(ticks, sent_, node);
+  }
+
   static constexpr std::uint32_t kLargestTraceRequest = 256;  // palpate.TraceRequest
 
   link::OutgoingFrame send(const ModelUpdate& update, std::uint32_t tick) {
@@ -112,6 +123,14 @@ class Host {
     record.interpolated_ticks = update.interpolated_ticks;
     record.damping_coupling = update.damping_coupling;
     result_.updates.push_back(record);
+    if (config_.probe_node) {
+      std::vector<std::uint8_t> payload(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes);
+      std::size_t length = 0;
+      if (wire::serialize(update.message, payload, length) != Status::ok)
+        throw std::runtime_error("probe: a local model cannot be serialized");
+      payload.resize(length);
+      sent_.push_back({std::move(payload), update.patch_nodes});
+    }
     ++result_.counters.models_sent;
 
     const float* force = update.message.contact.force_N;
@@ -154,6 +173,7 @@ class Host {
   Session session_;
   bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
+  std::vector<SentModel> sent_;                                  // with a probe only
   ClosedLoopResult result_;
   double peak_N_ = 0.0;
   std::uint32_t board_lost_ = 0;  // as the board counts

@@ -10,12 +10,14 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "boards/lockstep/exchange.hpp"
 #include "host/link/fault_plan.hpp"
 #include "host/link/medium.hpp"
 #include "host/plant/plant.hpp"
+#include "host/session/node_probe.hpp"
 #include "host/session/session.hpp"
 #include "host/session/simulation.hpp"
 
@@ -51,6 +53,7 @@ struct ClosedLoopConfig {
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks
+  std::optional<int> probe_node;         // whose rendered positions are wanted
   // Test inputs.
   std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks;
   std::vector<link::Fault> faults_down, faults_up;  // on the link, to the board and to the host
@@ -88,6 +91,7 @@ struct ClosedLoopResult {
   std::vector<LoopTick> ticks;
   std::vector<UpdateRecord> updates;
   LoopCounters counters;
+  std::vector<ReplayedTick> probe;  // one per tick; empty without a probe
   // The session's body when the force of the tip was largest at an update, else at the end.
   BodyState state_at_peak;
   std::uint32_t peak_tick = 0;

@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "host/msd/vectors.hpp"
 #include "host/session/body_surface.hpp"
 
 namespace palpate::host {
@@ -62,6 +63,8 @@ void run_with_tip(const Body& body, const BodyState& start, const SimulationConf
     result.mode.push_back(done.contact.mode);
     result.normal.push_back(done.normal);
     result.triangle.push_back(done.contact.mode == ContactMode::free ? 0 : done.contact.triangle);
+    if (config.probe_node)
+      result.probe_m.push_back(from_eigen(surface.state().position_m.col(*config.probe_node)));
     if (norm(done.mean_force_N) > peak_N) {
       peak_N = norm(done.mean_force_N);
       result.state_at_peak = surface.state();

@@ -31,6 +31,7 @@ struct SimulationConfig {
   // Tip position at the end of tick 0 (the start), 1, ..., ticks; or empty: no tip.
   std::vector<Vec3d> tip_m;
   std::vector<NodeDrive> drives;
+  std::optional<int> probe_node;  // with a tip: whose positions are wanted in every tick
   // Ticks at whose end the nodes are exported, increasing; 0 is the start.
   std::vector<std::uint32_t> export_ticks;
 };
@@ -42,6 +43,7 @@ struct SimulationResult {
   std::vector<Vec3d> normal;            // outward, at the contact; zero when free
   std::vector<std::uint32_t> triangle;  // that is touched; 0 when free
   std::vector<BodyState> exported;      // one per export tick
+  std::vector<Vec3d> probe_m;           // of the probe node, at the end of ticks 1 ... ticks
   // The body when the tip's force was largest; at the end where it never touched.
   BodyState state_at_peak;
   std::uint32_t peak_tick = 0;

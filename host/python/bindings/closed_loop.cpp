@@ -125,6 +125,12 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
   add_updates(result, run.updates);
   add_body(result, body, config.session.friction, run.state_at_peak.position_m, run.peak_tick * kTick_s,
            &run.tip_at_peak_m, run.patch_at_peak);
+  if (config.probe_node) {
+    result["probe/rendered_m"] =
+        columns3<double>(run.probe, [](const host::ReplayedTick& t) { return t.node_m; });
+    result["probe/force_N"] =
+        columns3<float>(run.probe, [](const host::ReplayedTick& t) { return t.force_N; });
+  }
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
   result["frames_lost_down"] = run.counters.frames_lost_down;
   result["frames_lost_up"] = run.counters.frames_lost_up;

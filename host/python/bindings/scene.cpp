@@ -117,6 +117,13 @@ std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body
   return drives;
 }
 
+std::optional<int> read_probe_node(const nb::dict& scene, const host::Body& body) {
+  const nb::object given = table(scene, "outputs")["probe_node"];
+  if (given.is_none()) return std::nullopt;
+  const auto node = nb::cast<std::array<int, 3>>(given);
+  return body.lattice()->node(node[0], node[1], node[2]);
+}
+
 ContactLaw<double> read_contact(const nb::dict& scene) {
   const nb::dict coupling = table(scene, "coupling");
   return {number(table(scene, "tool"), "radius_m"),
@@ -193,6 +200,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.session.patch = {patch[0], patch[1], patch[2]};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
   config.session.drives = read_drives(scene, body);
+  config.probe_node = read_probe_node(scene, body);
   for (const nb::handle entry : nb::object(table(scene, "hand")["grip_changes"])) {
     const auto change = nb::cast<nb::dict>(entry);
     config.grip_changes.push_back(

@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "host/msd/lattice.hpp"
@@ -21,6 +22,7 @@ host::Body read_body(const nb::dict& scene);
 // At rest but for the scene's initial displacements.
 host::BodyState read_start(const nb::dict& scene, const host::Body& body);
 std::vector<host::NodeDrive> read_drives(const nb::dict& scene, const host::Body& body);
+std::optional<int> read_probe_node(const nb::dict& scene, const host::Body& body);
 ContactLaw<double> read_contact(const nb::dict& scene);
 SurfaceKind read_surface(const nb::dict& scene);
 host::FrictionSpec read_friction(const nb::dict& scene);

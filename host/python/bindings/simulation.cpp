@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "host/msd/vectors.hpp"
 #include "host/python/bindings/arrays.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "host/python/bindings/progress.hpp"
@@ -78,6 +79,7 @@ nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& 
   config.surface = read_surface(scene);
   config.drives = read_drives(scene, body);
   config.friction = read_friction(scene);
+  config.probe_node = read_probe_node(scene, body);
   // Rows may skip ticks that the board lost: the tip goes straight between them, as the board's own history
   // has it.
   const std::size_t rows = time_s.shape(0);
@@ -112,6 +114,11 @@ nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& 
       tick_of_row, [&](std::uint32_t tick) { return tick == 0 ? ContactMode::free : run.mode[tick - 1]; });
   result["reference/normal"] = columns3<double>(
       tick_of_row, [&](std::uint32_t tick) { return or_nan(tick == 0 ? Vec3d{} : run.normal[tick - 1]); });
+  if (config.probe_node) {
+    const Vec3d start_m = host::from_eigen(start.position_m.col(*config.probe_node));
+    result["probe/reference_m"] = columns3<double>(
+        tick_of_row, [&](std::uint32_t tick) { return tick == 0 ? start_m : run.probe_m[tick - 1]; });
+  }
   return result;
 }
 

@@ -18,7 +18,7 @@ def run_closed_loop(
 ) -> dict[str, Any]:
     """Runs plant, hand, link and session against a board that reads SensorFrames from sensor_fd and writes
     ActuatorFrames to actuator_fd, and shuts the board down. Returns the datasets of `record_layout.RUN` by path, those
-    of reference/ excepted, and the counters of `record_layout.RUN_COUNTERS`."""
+    of reference/ and probe/reference_m excepted, and the counters of `record_layout.RUN_COUNTERS`."""
 
 def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """The full body alone, its tip on the scene's path if there is one. Returns the datasets of
@@ -28,4 +28,5 @@ def reference(
     scene: dict[str, Any], time_s: NDArray[np.float64], tip_m: NDArray[np.float64], progress: Progress
 ) -> dict[str, Any]:
     """The full non-linear body with contact, stepped at the scene's reference.step_s while the tip goes through tip_m
-    (n, 3) at time_s (n,). Returns the datasets reference/* by path."""
+    (n, 3) at time_s (n,). Returns the datasets reference/* and
+    probe/reference_m by path."""

@@ -136,6 +136,37 @@ REFERENCE = (
     ),
 )
 
+# With outputs.probe_node.
+PROBE = (
+    Dataset(
+        "probe/rendered_m",
+        "f8",
+        ("ticks", 3),
+        "m",
+        "position of outputs.probe_node in the model that the board rendered, from a replay of that model by the "
+        "board's code; NaN where the rendered model does not hold the node at its surface",
+        hashed=True,
+        optional=True,
+    ),
+    Dataset(
+        "probe/force_N",
+        "f4",
+        ("ticks", 3),
+        "N",
+        "force of the tip on the body in that replay: the same bits as ticks/force_N where the board does not limit it",
+        hashed=True,
+        optional=True,
+    ),
+    Dataset(
+        "probe/reference_m",
+        "f8",
+        ("ticks", 3),
+        "m",
+        "position of that node in the full body of the reference",
+        optional=True,
+    ),
+)
+
 # The body at the moment of the largest tip force (without contact: at the end).
 BODY = (
     Dataset("body/time_s", "f8", (), "s", "time of this state: the largest tip force, else the end"),
@@ -165,7 +196,7 @@ BODY = (
     ),
 )
 
-RUN = (*TICKS, *UPDATES, *REFERENCE, *BODY)
+RUN = (*TICKS, *UPDATES, *REFERENCE, *PROBE, *BODY)
 
 SIMULATE = (
     Dataset("tip/time_s", "f8", ("ticks",), "s", "time of the servo tick", hashed=True, optional=True),

@@ -275,6 +275,8 @@ def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:
                 time_s,
                 f"greater than the previous time {times_s[i - 1]:.12g} s",
             )
+    if outputs.probe_node is not None:
+        _check_node(reader, "outputs.probe_node", outputs.probe_node, scene.body)
     most = max(1, MAX_EXPORTED_NODES // math.prod(scene.body.nodes))
     if len(times_s) > most:
         raise SceneError(

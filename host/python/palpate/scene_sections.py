@@ -431,6 +431,13 @@ class Outputs:
         unit="s",
         default=(),
     )
+    probe_node: tuple[int, ...] | None = key(
+        Vector((3,), Integer(0, MAX_NODES_PER_AXIS - 1)),
+        "node [i, j, k] whose position is recorded in every tick, as the board rendered it and as the reference has "
+        "it (`palpate run` only)",
+        default=None,
+        default_text="none",
+    )
     csv: bool = key(Flag(), "also write tip.csv, and nodes.csv where nodes are exported", default=True)
     pictures: bool = key(Flag(), "draw forces.png and body.png", default=True)
 

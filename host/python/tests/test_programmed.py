@@ -1,5 +1,5 @@
-"""Programmed experiments (Jacobs, Fu, Cavusoglu 2010, section 5.1) on the real core: a scripted tip and driven
-nodes."""
+"""Programmed experiments (Jacobs, Fu, Cavusoglu 2010, section 5.1) on the real core: a scripted tip, driven
+nodes and the probe of a node."""
 
 from pathlib import Path
 from typing import Any
@@ -102,3 +102,27 @@ def test_board_and_reference_feel_the_same_drive(tmp_path: Path) -> None:
         np.testing.assert_allclose(force_N[tick], reference_N[tick], atol=0.04 * np.abs(reference_N[tick]).max() + 0.1)
     assert reference_N[248, 2] < still["reference/force_N"][248, 2] - 0.5
     assert abs(reference_N[399, 2] - still["reference/force_N"][399, 2]) < 0.05
+
+
+def test_the_probe_is_where_the_board_had_the_node(tmp_path: Path) -> None:
+    # Seen from above: node [2, 2, 5] is a corner of the cell under the tip, node [0, 0, 5] never belongs to the patch.
+    outputs = "csv = false\npictures = false\nprobe_node = [2, 2, 5]\n"
+    text = BODY + PRESS + SCRIPTED
+    values = record(tmp_path / "near", text, outputs=outputs)
+    rendered_m, reference_m = values["probe/rendered_m"], values["probe/reference_m"]
+    has_model = values["ticks/model_sequence"] > 0
+    np.testing.assert_array_equal(np.isfinite(rendered_m[:, 0]), has_model)
+    assert np.all(np.isfinite(reference_m))
+    deepest_m = 0.020 + reference_m[:, 2].min()
+    assert deepest_m < -1e-3
+    # The local model follows the body but for what it leaves out, most of all in the fast press: typically to a tenth.
+    off_m = np.linalg.norm(rendered_m[has_model] - reference_m[has_model], axis=1)
+    assert np.median(off_m) < 0.1 * abs(deepest_m)
+    # The replay is the board: the same force to the last bit, wherever the board passes it on.
+    touching = (values["ticks/contact_mode"] > 0) & (values["ticks/enabled"] > 0)
+    assert np.count_nonzero(touching) > 100
+    assert values["probe/force_N"].tobytes() == values["ticks/force_N"].tobytes()
+
+    far = record(tmp_path / "far", text, outputs=outputs.replace("[2, 2, 5]", "[0, 5, 5]"))
+    assert not np.any(np.isfinite(far["probe/rendered_m"]))
+    np.testing.assert_array_equal(far["ticks/force_N"], values["ticks/force_N"])

@@ -395,6 +395,10 @@ BAD = {
         + '[integrator]\nmethod = "implicit"',
         'scene.toml: integrator.method = "implicit": must be "semi_implicit" where body.drives is given',
     ),
+    "probe outside the body": (
+        GOOD + "[outputs]\nprobe_node = [4, 0, 5]",
+        "scene.toml: outputs.probe_node = [4, 0, 5]: must be indices within [0..3, 0..4, 0..5]",
+    ),
     "update rate": (
         GOOD + "[rates]\nmodel_update_Hz = 0",
         "scene.toml: rates.model_update_Hz = 0: must be in [1, 250] Hz",

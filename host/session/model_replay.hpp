@@ -1,0 +1,38 @@
+// The board's rendering of one local model, repeated on the host by the board's own code: same message, same
+// tip positions, same bits.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+
+#include "firmware/core/renderer.hpp"
+#include "shared/wire/messages.hpp"
+
+namespace palpate::host {
+
+class ModelReplay {
+ public:
+  // Starts the model at its own tick, with the tip where the board had it then. Throws std::invalid_argument,
+  // naming the palpate::Status, for a model that the board would refuse.
+  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m);
+
+  // The next servo tick, with the tip where the board had it.
+  firmware::ServoSample step(const Vec3f& tip_m);
+
+  // Modes at the end of the newest step; before the first one, at the model's tick.
+  [[nodiscard]] const ModalState& state() const { return state_; }
+  // A surface node of the model (its index there) at the same time, device frame. Evaluated in double
+  // precision from the modes: within 3e-5 of its displacement of what the board's contact sees, which rounds
+  // them to 16 bits.
+  [[nodiscard]] Eigen::Vector3d surface_node_m(std::size_t node) const;
+  [[nodiscard]] const palpate_LocalModel_1_0& message() const { return *message_; }
+
+ private:
+  std::unique_ptr<palpate_LocalModel_1_0> message_;
+  std::unique_ptr<firmware::Renderer> renderer_;
+  std::uint32_t tick_;
+  ModalState state_{};
+};
+
+}  // namespace palpate::host

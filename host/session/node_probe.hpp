@@ -1,0 +1,38 @@
+// Where a node of the body was in the models that the board rendered, found after the run.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "shared/math/linear.hpp"
+#include "shared/wire/messages.hpp"
+
+namespace palpate::host {
+
+// A local model that was sent, as far as it takes to render it again.
+struct SentModel {
+  std::vector<std::uint8_t> payload;  // palpate.LocalModel
+  std::vector<int> nodes;             // surface nodes, the body's own numbers, ascending
+};
+
+// One servo tick as the board computed it.
+struct RenderedTick {
+  std::uint32_t tick = 0;
+  Vec3f tip_m{};
+  std::uint32_t model_sequence = 0;  // that was rendered; 0: none
+};
+
+// What a replay yields in a tick.
+struct ReplayedTick {
+  Vec3d node_m{};   // device frame; NaN where no model was rendered that holds the node at its surface
+  Vec3f force_N{};  // of the tip on the body, before the board's limits
+};
+
+// Renders every model again with the board's code, from its own tick to the last one in which it was active
+// (model_replay.hpp). ticks: in order; numbers may be missing (lost ticks: the board then takes the tip of
+// the next one). Returns one entry per tick.
+std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
+                                        std::span<const SentModel> models, int node);
+
+}  // namespace palpate::host
