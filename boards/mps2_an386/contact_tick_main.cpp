@@ -1,0 +1,83 @@
+// Measures the contact tick on QEMU's mps2-an386 (shared/bench, host/bench/contact_tick.py): the command line
+// is the number of situations of each size; prints a line "size tick kind counts" for each tick on UART0,
+// counts of the 25 MHz clock in hexadecimal, and ends QEMU.
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "boards/lockstep/exchange.hpp"
+#include "boards/mps2_an386/console.hpp"
+#include "boards/mps2_an386/registers.hpp"
+#include "boards/mps2_an386/semihosting.hpp"
+#include "shared/bench/contact_situations.hpp"
+
+namespace {
+
+using palpate::bench::ContactSituations;
+using palpate::bench::ModelSize;
+
+// Nothing of a situation is known in the first; the second follows it.
+constexpr std::uint32_t kTicksPerSituation = 2;
+
+ContactSituations situations;
+
+// Digits up to the first other character.
+std::uint32_t to_number(std::string_view text) {
+  std::uint32_t number = 0;
+  for (const char c : text) {
+    if (c < '0' || c > '9') break;
+    number = 10u * number + static_cast<std::uint32_t>(c - '0');
+  }
+  return number;
+}
+
+void print_digit(std::uint32_t digit) {
+  const char text[2] = {static_cast<char>('0' + digit), ' '};
+  palpate::board::print(std::string_view(text, 2));
+}
+
+std::uint32_t clock_count() {
+  return ~palpate::board::timer1().value;
+}
+
+}  // namespace
+
+extern "C" {
+
+// Start-up's vectors name these; no interrupt is enabled here, so that any of them is an error.
+[[noreturn]] void hard_fault_handler() {
+  palpate::board::semihosting::exit(static_cast<int>(palpate::lockstep::ExitCode::processor_fault));
+}
+void timer0_handler() {
+  hard_fault_handler();
+}
+void uart1_receive_handler() {
+  hard_fault_handler();
+}
+
+[[noreturn]] void run_firmware() {
+  palpate::board::console_begin();
+  palpate::board::timer1().reload = UINT32_MAX;
+  palpate::board::timer1().value = UINT32_MAX;
+  palpate::board::timer1().control = palpate::board::kTimerEnable;
+  std::array<char, 16> buffer{};
+  const std::uint32_t count = to_number(palpate::board::semihosting::command_line(buffer));
+  for (const ModelSize size : {ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16}) {
+    for (std::uint32_t number = 0; number < count; ++number) {
+      situations.prepare(size, number);
+      for (std::uint32_t tick = 0; tick < kTicksPerSituation; ++tick) {
+        const std::uint32_t start = clock_count();
+        situations.step();
+        const std::uint32_t counts = clock_count() - start;
+        print_digit(static_cast<std::uint32_t>(size));
+        print_digit(tick);
+        print_digit(static_cast<std::uint32_t>(situations.finish()));
+        palpate::board::print_hex(counts);
+        palpate::board::print("\n");
+      }
+    }
+  }
+  palpate::board::semihosting::exit(0);
+}
+
+}  // extern "C"

@@ -1,0 +1,44 @@
+"""The contact tick on the emulated Cortex-M4F keeps its budget of instructions: a short run of the benchmark."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from board_peer import BUILD_MPS2, REPOSITORY
+
+_SITUATIONS = 500
+# Of the 125,000 instructions of a servo tick; the rest of its work (encoders, kinematics, supervision, currents, trace)
+# takes less than 10,000.
+_BUDGET = 115_000
+_KINDS = {"free", "first_contact", "stick", "slip", "edge_crossing", "separation"}
+# Far above the second that it takes: a run that needs it has hung.
+_WATCHDOG_S = 60
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    out = tmp_path_factory.mktemp("contact_tick") / "report.json"
+    image = BUILD_MPS2 / "boards/mps2_an386/contact_tick_mps2_an386.elf"
+    subprocess.run([sys.executable, str(REPOSITORY / "host/bench/contact_tick.py"), "--situations", str(_SITUATIONS),
+                    "--image", str(image), "--out", str(out)], check=True, timeout=_WATCHDOG_S)
+    return json.loads(out.read_text())
+
+
+def test_every_kind_of_tick_is_measured(report):
+    assert report["situations"] == _SITUATIONS
+    for size, kinds in report["instructions"].items():
+        assert set(kinds) == _KINDS, size
+        assert sum(of["ticks"] for kind in kinds.values() for of in kind.values()) == 2 * _SITUATIONS
+
+
+def test_the_worst_tick_keeps_the_budget(report):
+    worst = {(size, kind, state): of["worst"] for size, kinds in report["instructions"].items()
+             for kind, states in kinds.items() for state, of in states.items()}
+    assert {key: value for key, value in worst.items() if value > _BUDGET} == {}
+
+
+def test_instructions_are_counted_not_timed(report):
+    # A tick touches every mode several times, and cannot be cheaper than that.
+    for kinds in report["instructions"].values():
+        assert all(of["median"] > 2_000 for kind in kinds.values() for of in kind.values())

@@ -1,0 +1,149 @@
+#include "shared/bench/contact_situations.hpp"
+
+#include <cmath>
+
+#include "shared/contact/contact.hpp"
+#include "shared/servo_tick.hpp"
+
+namespace palpate::bench {
+namespace {
+
+constexpr float kStep_s = static_cast<float>(kTick_s);
+constexpr float kSpacing_m = 0.01f;
+constexpr float kNodeMass_kg = 0.001f;
+
+Vec3f random_vector(Lcg& random, float magnitude) {
+  return {random.uniform(-magnitude, magnitude), random.uniform(-magnitude, magnitude),
+          random.uniform(-magnitude, magnitude)};
+}
+
+}  // namespace
+
+// Modes with random shapes, of such a size that a node weighs about a gram, stepped by backward Euler: the
+// cost of a tick does not depend on their values.
+void ContactSituations::build_model(ModelSize size, std::uint32_t number) {
+  Lcg random(1000u * static_cast<std::uint32_t>(size) + number + 1u);
+  const bool wide = size == ModelSize::modes_96_nodes_32;
+  const std::size_t columns = wide ? 8 : 4, rows = 4, nodes = columns * rows, modes = wide ? 96 : 192;
+  for (std::size_t n = 0; n < nodes; ++n) {
+    position_m_[3 * n] = static_cast<float>(n % columns) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
+    position_m_[3 * n + 1] = static_cast<float>(n / columns) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
+    position_m_[3 * n + 2] = random.uniform(-2e-3f, 2e-3f);
+  }
+  std::size_t t = 0;
+  for (std::size_t j = 0; j + 1 < rows; ++j) {
+    for (std::size_t i = 0; i + 1 < columns; ++i) {
+      const std::size_t a = j * columns + i, b = a + 1, c = b + columns, d = a + columns;
+      for (const auto& corners : {std::array{a, b, c}, std::array{a, c, d}}) {
+        for (std::size_t k = 0; k < 3; ++k) corner_[3 * t + k] = static_cast<std::uint8_t>(corners[k]);
+        triangle_id_[t] = static_cast<std::uint16_t>(t);
+        ++t;
+      }
+    }
+  }
+  constexpr float kLargestEntry = 32767.0f;
+  // A third of the modes moves along each axis; entries are uniform: their mean square is a third.
+  const float largest = std::sqrt(9.0f / (kNodeMass_kg * static_cast<float>(modes)));
+  for (std::size_t m = 0; m < modes; ++m) {
+    for (std::size_t row = 0; row < 3 * nodes; ++row) {
+      const std::int32_t range = row % 3 == m % 3 ? 32767 : 1000;
+      basis_[row * modes + m] =
+          static_cast<std::int16_t>(random.below(2u * static_cast<std::uint32_t>(range)) - range);
+    }
+    basis_scale_[m] = largest / kLargestEntry;
+    const float omega_rad_s = random.uniform(250.0f, 1200.0f);
+    const float lambda = omega_rad_s * omega_rad_s, damping_rad_s = omega_rad_s;
+    const float inverse = 1.0f / (1.0f + kStep_s * damping_rad_s + kStep_s * kStep_s * lambda);
+    float* c = &coefficient_[kCoefficientsPerMode * m];
+    c[2] = -(kStep_s * lambda) * inverse;
+    c[3] = inverse - 1.0f;
+    c[5] = kStep_s * inverse;
+    c[0] = kStep_s * c[2];
+    c[1] = kStep_s * inverse;
+    c[4] = kStep_s * c[5];
+    load_[m] = random.uniform(-1.0f, 1.0f);
+  }
+  view_ = LocalModelView{.modes = modes,
+                         .nodes = nodes,
+                         .triangles = t,
+                         .origin_m = {},
+                         .position_m = position_m_.data(),
+                         .corner = corner_.data(),
+                         .triangle_id = triangle_id_.data(),
+                         .frictions = 1,
+                         .static_friction = &friction_.static_coefficient,
+                         .kinetic_friction = &friction_.kinetic_coefficient,
+                         .triangle_friction = triangle_friction_.data(),
+                         .coefficient = coefficient_.data(),
+                         .load = load_.data(),
+                         .basis_scale = basis_scale_.data(),
+                         .basis = basis_.data()};
+}
+
+void ContactSituations::prepare(ModelSize size, std::uint32_t number) {
+  const std::uint32_t model = number / kSituationsPerModel;
+  if (!built_ || built_size_ != size || built_number_ != model) {
+    build_model(size, model);
+    built_ = true;
+    built_size_ = size;
+    built_number_ = model;
+  }
+  Lcg random(2u * number + static_cast<std::uint32_t>(size) + 7u);
+  // Nodes up to some millimetres from where the model was made, at up to some decimetres a second.
+  for (std::size_t m = 0; m < view_.modes; ++m) {
+    state_.q[m] = random.uniform(-5e-5f, 5e-5f);
+    state_.p[m] = random.uniform(-5e-3f, 5e-3f);
+  }
+  const float friction = random.uniform(0.0f, 1.0f);
+  friction_ = random.below(8) == 0 ? Friction<float>{} : Friction<float>{friction, friction};
+  law_ = {};
+  if (random.below(2) == 0) law_.tip_radius_m = random.uniform(0.0f, 0.005f);
+  surface_.bind(view_, state_);
+  place_tip(random);
+}
+
+void ContactSituations::place_tip(Lcg& random) {
+  const auto triangle = static_cast<std::uint32_t>(random.below(static_cast<std::uint32_t>(view_.triangles)));
+  const float a = random.uniform(0.0f, 1.0f), b = random.uniform(0.0f, 1.0f);
+  const Vec3f barycentric =
+      a + b <= 1.0f ? Vec3f{1.0f - a - b, a, b} : Vec3f{a + b - 1.0f, 1.0f - a, 1.0f - b};
+  const auto corner = surface_.corners(triangle);
+  const Vec3f x[3] = {surface_.position(corner[0]), surface_.position(corner[1]),
+                      surface_.position(corner[2])};
+  const Vec3f normal = normalized(cross(x[1] - x[0], x[2] - x[0]));
+  const Vec3f point_m = x[0] * barycentric.x + x[1] * barycentric.y + x[2] * barycentric.z;
+  contact_ = {};
+  const bool free = random.below(3) == 0;
+  // Up to 5 m/s: 5 mm a tick; mostly slower.
+  const float reach_m = random.below(4) == 0 ? 5e-3f : 5e-4f;
+  if (free) {
+    contact_.outside = random.below(4) != 0;
+    from_m_ = point_m + normal * (law_.tip_radius_m + random.uniform(0.0f, 3e-3f));
+    to_m_ = from_m_ + random_vector(random, reach_m) - normal * random.uniform(0.0f, reach_m);
+  } else {
+    contact_.mode = random.below(2) == 0 ? ContactMode::stick : ContactMode::slip;
+    contact_.triangle = triangle;
+    contact_.barycentric = barycentric;
+    contact_.normal = normal;
+    from_m_ = point_m + normal * law_.tip_radius_m;
+    to_m_ = from_m_ + random_vector(random, reach_m) - normal * random.uniform(0.0f, 1e-3f);
+  }
+}
+
+void ContactSituations::step() {
+  before_ = contact_;
+  step_contact(surface_, contact_, law_, from_m_, to_m_);
+}
+
+TickKind ContactSituations::finish() {
+  const Vec3f motion_m = to_m_ - from_m_;
+  from_m_ = to_m_;
+  to_m_ += motion_m;
+  const bool was_free = before_.mode == ContactMode::free;
+  if (contact_.mode == ContactMode::free) return was_free ? TickKind::free : TickKind::separation;
+  if (was_free) return TickKind::first_contact;
+  if (contact_.mode == ContactMode::stick) return TickKind::stick;
+  return contact_.triangle == before_.triangle ? TickKind::slip : TickKind::edge_crossing;
+}
+
+}  // namespace palpate::bench
