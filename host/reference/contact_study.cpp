@@ -21,6 +21,7 @@ Friction<double> equal_friction(double friction) {
 
 std::vector<Vec3d> forces(const std::vector<ForceSample>& samples, bool momentum = false) {
   std::vector<Vec3d> result;
+  result.reserve(samples.size());
   for (const ForceSample& s : samples) result.push_back(momentum ? s.momentum_force_N : s.force_N);
   return result;
 }

@@ -47,7 +47,7 @@ Eigen::Vector3d sum_over_triangle(const Eigen::VectorXd& values, const ContactPo
 
 // Tangential part of `force` scaled to mu |normal part|: (27), (31).
 Eigen::Vector3d bounded(const Eigen::Vector3d& force, const Eigen::Vector3d& normal, double friction) {
-  const Eigen::Vector3d along_normal = normal * normal.transpose() * force;
+  Eigen::Vector3d along_normal = normal * normal.transpose() * force;
   const Eigen::Vector3d tangential = force - along_normal;
   if (tangential.norm() == 0) return along_normal;
   return along_normal + friction * along_normal.norm() * tangential / tangential.norm();

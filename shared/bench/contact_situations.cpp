@@ -26,8 +26,9 @@ void ContactSituations::build_model(ModelSize size, std::uint32_t number) {
   const bool wide = size == ModelSize::modes_96_nodes_32;
   const std::size_t columns = wide ? 8 : 4, rows = 4, nodes = columns * rows, modes = wide ? 96 : 192;
   for (std::size_t n = 0; n < nodes; ++n) {
+    const std::size_t row = n / columns;
     position_m_[3 * n] = static_cast<float>(n % columns) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
-    position_m_[3 * n + 1] = static_cast<float>(n / columns) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
+    position_m_[3 * n + 1] = static_cast<float>(row) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
     position_m_[3 * n + 2] = random.uniform(-2e-3f, 2e-3f);
   }
   std::size_t t = 0;
