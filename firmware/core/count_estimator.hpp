@@ -17,19 +17,20 @@ namespace palpate::firmware {
 
 // Share of a miss that the velocity takes up at each count.
 inline constexpr float kVelocityGain = 0.5f;
-// A count that follows another one later than this is taken for the first.
+// A count that follows another one this late or later says nothing about the velocity.
 inline constexpr float kLongestInterval_ticks = 128.0f;
-// The output closes 1/16 of its distance to the tracker per tick at rest, and |velocity| times this more.
-inline constexpr float kRestGain = 1.0f / 16.0f;
-inline constexpr float kMotionGain_ticks = 4.0f;
+// Share of its distance to the tracker that the output closes per tick: this at rest, and |velocity| times
+// the other more.
+inline constexpr float kRestGain = 1.0f / 32.0f;
+inline constexpr float kMotionGain_ticks = 1.0f;
 // The output is held this close to the count.
-inline constexpr float kFarthest_count = 1.5f;
+inline constexpr float kFarthest_count = 2.0f;
 // More than this in a tick (30 m/s at the tip) is no motion: the estimate starts anew.
 inline constexpr float kLargestStep_count = 1000.0f;
 
 // One joint. All positions are relative to the count, in counts. The joint itself is within half a count of
-// its count, so the tracker is within one count of it, and the output within two; one, when the joint has
-// come to rest.
+// its count, so the tracker is within one count of it, and the output within two and a half; within one again
+// when the joint has come to rest.
 class CountEstimator {
  public:
   // Interrupt context, once per servo tick: the count's change since the last call, and the ticks since then.
@@ -46,7 +47,8 @@ class CountEstimator {
     if (since_count_ > kLongestInterval_ticks) since_count_ = kLongestInterval_ticks;
     if (change_count != 0.0f) {
       const std::int8_t direction = change_count > 0.0f ? 1 : -1;
-      velocity_ = direction == direction_ ? velocity_ + kVelocityGain * miss / since_count_ : 0.0f;
+      const bool goes_on = direction == direction_ && since_count_ < kLongestInterval_ticks;
+      velocity_ = goes_on ? velocity_ + kVelocityGain * miss / since_count_ : 0.0f;
       direction_ = direction;
       since_count_ = 0.0f;
     } else {

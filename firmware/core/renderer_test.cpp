@@ -66,10 +66,30 @@ class Reference {
     previous_m_ = tip_m - view_.origin_m;
   }
   const ContactState<float>& step(const Vec3f& tip_m) {
-    const ContactLaw<float> law{.tip_radius_m = message_->tip_radius_m};
+    const ContactLaw<float> law{
+        .tip_radius_m = message_->tip_radius_m,
+        .coupling = {message_->coupling_stiffness_N_m, message_->coupling_damping_N_s_m}};
     step_contact(surface_, contact_, law, previous_m_, tip_m - view_.origin_m);
     previous_m_ = tip_m - view_.origin_m;
     return contact_;
+  }
+  // The model with the state and the contact that it has now.
+  palpate_LocalModel_1_0 as_it_is(std::uint32_t sequence, std::uint32_t tick) const {
+    palpate_LocalModel_1_0 m = *message_;
+    m.sequence = sequence;
+    m.tick = tick;
+    for (std::size_t i = 0; i < m.modes; ++i) {
+      m.state_q.elements[i] = state_.q[i];
+      m.state_p.elements[i] = state_.p[i];
+    }
+    m.contact.mode = static_cast<std::uint8_t>(contact_.mode);
+    m.contact.triangle = m.triangle_id.elements[contact_.triangle];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      m.contact.barycentric[axis] = contact_.barycentric[axis];
+      m.contact.force_N[axis] = contact_.force_N[axis];
+      m.contact.coupling_stretch_m[axis] = contact_.stretch_m[axis];
+    }
+    return m;
   }
 
  private:
@@ -177,6 +197,33 @@ TEST(Renderer, AModelThatHasTheContactGoesOnFromIt) {
   for (int i = 0; i < 20 && (sample.flags & kModelUsed) == 0; ++i) sample = runner.tick();
   EXPECT_NE(sample.mode, ContactMode::free);
   EXPECT_LT(sample.force_N.z, 0.0f);
+}
+
+// The coupling is stretched when one model takes over from another, 40 ticks late: it goes on as it was.
+TEST(Renderer, ASwapKeepsTheStretchOfTheCoupling) {
+  Runner runner;
+  runner.ticks(200);
+  auto message = square_model(1, runner.now - 1, kCentre_m);
+  message.coupling_stiffness_N_m = 800.0f;
+  message.coupling_damping_N_s_m = 2.0f;
+  Reference reference(message, tip_at(runner.now - 1));
+  ASSERT_EQ(runner.accept(message), Status::ok);
+  const auto step = [&] {
+    const Vec3f expected_N = reference.step(tip_at(runner.now)).force_N;
+    const ServoSample sample = runner.tick();
+    return (sample.flags & kModelUsed) != 0 ? norm(sample.force_N - expected_N) : 0.0f;
+  };
+  for (int i = 0; i < 360; ++i) EXPECT_EQ(step(), 0.0f);
+  const auto later = reference.as_it_is(2, runner.now - 1);
+  ASSERT_NE(later.contact.mode, palpate_Contact_1_0_MODE_FREE);
+  const float* stretch_m = later.contact.coupling_stretch_m;
+  ASSERT_GT(std::hypot(stretch_m[0], stretch_m[1], stretch_m[2]), 1e-4f);
+  for (int i = 0; i < 40; ++i) EXPECT_EQ(step(), 0.0f);
+  ASSERT_EQ(runner.accept(later), Status::ok);
+  // A node's normal is as old as its model allows (kNormalLifetime_steps), and the new model's are new.
+  constexpr float kAgeOfNormals_N = 2e-3f;
+  for (int i = 0; i < 40; ++i) EXPECT_LE(step(), kAgeOfNormals_N);
+  EXPECT_EQ(runner.renderer->model_sequence(), 2u);
 }
 
 struct BadMessage {

@@ -69,7 +69,7 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   return in;
 }
 
-// Tip between the counts: to first order in the at most 1.5 counts (0.2 mrad), which leaves out some 5 nm.
+// Tip between the counts: to first order in the at most 2 counts (0.3 mrad), which leaves out some 10 nm.
 Vec3f Servo::update_estimate(const ServoTiming& timing, const ServoSensors& sensors,
                              const device::Pose& pose) {
   Vec3f offset_rad{};

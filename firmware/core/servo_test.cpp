@@ -173,6 +173,45 @@ TEST_F(ServoTest, TheHandFeelsTheBodyPushBack) {
   EXPECT_EQ(sample.flags, palpate_ServoSample_1_0_FLAG_RENDERING | palpate_ServoSample_1_0_FLAG_MODEL_USED);
 }
 
+// The model decides whether the renderer is told the tip of the counts or the one between them.
+TEST_F(ServoTest, TheModelChoosesWhereTheTipIs) {
+  const auto tip_of_counts = [this] {
+    return device::forward_kinematics(kDevice, device::joint_angles(kDevice, sensors_.count, {}));
+  };
+  arm();
+  auto message = test::square_model(1, timing_.tick - 1, {0.0f, 0.0f, -0.01f});
+  give_model(message);
+  move_to({}, {0.001f, 0.001f, 0.001f}, 200);
+  EXPECT_EQ(last_.sample.tip_m, tip_of_counts());
+
+  message.sequence = 2;
+  message.tick = timing_.tick - 1;
+  message.tip_source = palpate_LocalModel_1_0_TIP_ESTIMATED;
+  give_model(message);
+  // Two counts of each joint, 0.03 mm a count and joint.
+  constexpr float kFarthest_m = 3 * 2 * 0.03e-3f;
+  bool differs = false;
+  for (int i = 0; i < 400; ++i) {
+    sensors_.count = counts_at(Vec3f{1, 1, 1} * (0.001f + 1e-5f * static_cast<float>(i)));
+    const ServoOutput output = tick();
+    EXPECT_LT(norm(output.sample.tip_m - tip_of_counts()), kFarthest_m);
+    differs = differs || norm(output.sample.tip_m - tip_of_counts()) > 0.2f * 0.03e-3f;
+  }
+  EXPECT_TRUE(differs);
+  // A count that toggles moves the estimate to the border of both, where it stays.
+  const device::EncoderCounts rest = sensors_.count;
+  for (int i = 0; i < 600; ++i) {
+    sensors_.count[1] = rest[1] + i % 2;
+    last_ = tick();
+  }
+  const Vec3f held_m = last_.sample.tip_m;
+  for (int i = 0; i < 100; ++i) {
+    sensors_.count[1] = rest[1] + i % 2;
+    constexpr float kStill_m = 1e-7f;
+    EXPECT_LT(norm(tick().sample.tip_m - held_m), kStill_m);
+  }
+}
+
 TEST_F(ServoTest, LimitedForceIsFlaggedAndRecordedBeforeLimits) {
   arm();  // soft start begins
   give_model(test::square_model(3, timing_.tick - 1, {0.0f, 0.0f, -0.002f}));

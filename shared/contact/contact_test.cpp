@@ -229,5 +229,83 @@ TEST(Contact, CollisionTimeIsFoundWithinTheStep) {
   EXPECT_NEAR(x, 0.022, 0.004 / 256);  // a quarter of the way, to the resolution of eight halvings
 }
 
+ContactLaw<double> coupled(double stiffness_N_m, double damping_N_s_m) {
+  return {.coupling = {stiffness_N_m, damping_N_s_m}};
+}
+
+TEST(CoupledContact, PressedItIsTwoSpringsInSeries) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law = coupled(500.0, 1.0);
+  const Vec3d tip = move(bed, state, law, {0.021, 0.023, 0.01}, {0.021, 0.023, -0.002}, 0.5, kNothing);
+  move(bed, state, law, tip, tip, 0.5, kNothing);
+  ASSERT_EQ(state.mode, ContactMode::stick);
+  const double bed_N_m = Bed::kStiffness_N_m / dot(state.barycentric, state.barycentric);
+  const double force_N = 0.002 / (1.0 / bed_N_m + 1.0 / 500.0);
+  constexpr double kAtRest = 1e-3;  // what is left of the motion, and the tilt of the triangle
+  EXPECT_NEAR(-state.force_N.z, force_N, kAtRest * force_N);
+  EXPECT_LE(norm(state.stretch_m - state.force_N * (1.0 / 500.0)), kAtRest * 0.002);
+  EXPECT_LE(norm(tip - bed.contact_point(state) - state.stretch_m), kAtRest * 0.002);
+}
+
+// With the stiffness the difference from the kinematic contact goes to zero, to first order: ten times the
+// stiffness, a tenth of the difference.
+TEST(CoupledContact, TheStiffestIsKinematic) {
+  const auto press_N = [](const ContactLaw<double>& law) {
+    Bed bed;
+    ContactState<double> state;
+    std::vector<double> force_N;
+    move(bed, state, law, {0.021, 0.023, 0.001}, {0.021, 0.023, -0.002}, 0.1,
+         [&](const Vec3d&) { force_N.push_back(state.force_N.z); });
+    return force_N;
+  };
+  const std::vector<double> rigid_N = press_N({});
+  const auto difference_N = [&](double stiffness_N_m) {
+    const std::vector<double> force_N = press_N(coupled(stiffness_N_m, 0.0));
+    double sum = 0.0;
+    for (std::size_t i = 0; i < rigid_N.size(); ++i) sum += std::abs(force_N[i] - rigid_N[i]);
+    return sum / static_cast<double>(rigid_N.size());
+  };
+  const double soft_N = difference_N(1e7), stiff_N = difference_N(1e8);
+  EXPECT_NEAR(soft_N / stiff_N, 10.0, 1.0);
+}
+
+TEST(CoupledContact, SlipsWithTheForceOnTheConeAndTheContactPointBehindTheTip) {
+  constexpr double kFriction = 0.3, kRounding = 1e-9;
+  Bed bed({kFriction, kFriction});
+  ContactState<double> state;
+  const ContactLaw<double> law = coupled(400.0, 0.5);
+  const Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
+  int slipping = 0;
+  move(bed, state, law, tip, {0.042, 0.024, -0.001}, 1.0, [&](const Vec3d&) {
+    const double normal_N = -dot(state.force_N, state.normal);
+    const double tangential_N = norm(state.force_N + state.normal * normal_N);
+    EXPECT_GE(normal_N, 0.0);
+    EXPECT_LE(tangential_N, kFriction * normal_N + kRounding);
+    slipping += state.mode == ContactMode::slip;
+    EXPECT_LT(state.stretch_m.z, 0.0);
+  });
+  EXPECT_GT(slipping, 5000);
+  EXPECT_GT(state.stretch_m.x, 0.0);
+}
+
+// Retracting faster than the damper lets go: the force never pulls, and the contact ends where the tip leaves
+// the surface, not before.
+TEST(CoupledContact, NeverPullsAndEndsOutside) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law = coupled(300.0, 5.0);
+  Vec3d tip = move(bed, state, law, {0.021, 0.023, 0.001}, {0.021, 0.023, -0.003}, 0.2, kNothing);
+  double left_at_m = -1.0;
+  tip = move(bed, state, law, tip, {0.021, 0.023, 0.003}, 0.02, [&](const Vec3d& at) {
+    EXPECT_LE(state.force_N.z, 0.0);
+    if (state.mode == ContactMode::free && left_at_m < 0.0) left_at_m = at.z + 1.0;
+  });
+  ASSERT_EQ(state.mode, ContactMode::free);
+  EXPECT_EQ(state.stretch_m, Vec3d{});
+  constexpr double kBedMotion_m = 0.001;  // the bed springs back and swings
+  EXPECT_GE(left_at_m, 1.0 - kBedMotion_m);
+}
+
 }  // namespace
 }  // namespace palpate
