@@ -36,7 +36,7 @@ class ModalPatchSurface {
   }
   [[nodiscard]] Friction<double> friction(std::uint32_t) const { return friction_; }
   [[nodiscard]] double step_s() const { return step_s_; }
-  bool is_near(const Vec3d&, const Vec3d&, double) { return true; }
+  Nearness nearness(const Vec3d&, const Vec3d&, double) { return Nearness::near; }
   void note_clearance(double) {}
   bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) { return true; }
   void prepare(std::uint32_t) {}

@@ -48,8 +48,8 @@ std::int32_t BodySurface::neighbour(std::uint32_t triangle, std::uint32_t corner
   return body_.triangle_neighbours()[triangle][(corner + 1) % 3];
 }
 
-bool BodySurface::is_near(const Vec3d&, const Vec3d&, double) const {
-  return !body_.triangles().empty();
+Nearness BodySurface::nearness(const Vec3d&, const Vec3d&, double) const {
+  return body_.triangles().empty() ? Nearness::far : Nearness::near;
 }
 
 bool BodySurface::may_touch(std::uint32_t triangle, const Vec3d& from, const Vec3d& to,
@@ -100,13 +100,16 @@ double BodySurface::inverse_mass_1_kg(std::uint32_t node) const {
 
 PointResponse<double> BodySurface::respond(std::uint32_t triangle, const Vec3d& barycentric) const {
   PointResponse<double> response{};
-  double compliance = 0.0;
+  double compliance = 0.0, fixed = 0.0;
   const auto corner = corners(triangle);
   for (std::size_t c = 0; c < 3; ++c) {
     response.free_m += position(corner[c]) * barycentric[c];
-    compliance += barycentric[c] * barycentric[c] * step_s_ * step_s_ * inverse_mass_1_kg(corner[c]);
+    const double inverse_mass = inverse_mass_1_kg(corner[c]);
+    compliance += barycentric[c] * barycentric[c] * step_s_ * step_s_ * inverse_mass;
+    if (inverse_mass == 0.0) fixed += barycentric[c];
   }
   response.compliance_m_N = Mat3d::identity(compliance);
+  response.skin_m_N = fixed / kSkinStiffness_N_m;
   return response;
 }
 
@@ -119,12 +122,6 @@ void BodySurface::apply(std::uint32_t triangle, const Vec3d& barycentric, const 
     state_.velocity_m_s.col(node) += velocity;
     state_.position_m.col(node) += step_s_ * velocity;
   }
-}
-
-void BodySurface::overwrite(int node, int axis, double position_m, double velocity_m_s) {
-  if (drives_.drove(node)) return;
-  state_.position_m(axis, node) = position_m;
-  state_.velocity_m_s(axis, node) = velocity_m_s;
 }
 
 int steps_per_tick(double step_s) {

@@ -16,8 +16,8 @@ namespace palpate::host {
 
 // A ContactSurface over the full non-linear body, stepped by semi-implicit Euler. A force on a node of mass m
 // moves it by step^2 / m within the step, so the response of a surface point is diagonal and its inversion
-// does not ring. Fixed nodes, and nodes while they are driven, do not yield; a triangle of three such nodes
-// cannot be touched. The body must outlive this.
+// does not ring. Fixed nodes, and nodes while they are driven, do not yield: there the tip touches the body
+// through a spring (kSkinStiffness_N_m). The body must outlive this.
 class BodySurface {
  public:
   using Real = double;
@@ -35,7 +35,7 @@ class BodySurface {
   [[nodiscard]] std::int32_t neighbour(std::uint32_t triangle, std::uint32_t corner) const;
   [[nodiscard]] Friction<double> friction(std::uint32_t triangle) const { return friction_.of(triangle); }
   [[nodiscard]] const SurfaceFriction& friction() const { return friction_; }
-  [[nodiscard]] bool is_near(const Vec3d& from, const Vec3d& to, double tip_radius_m) const;
+  [[nodiscard]] Nearness nearness(const Vec3d& from, const Vec3d& to, double tip_radius_m) const;
   [[nodiscard]] bool may_touch(std::uint32_t triangle, const Vec3d& from, const Vec3d& to,
                                double tip_radius_m) const;
   [[nodiscard]] Vec3d position(std::uint32_t node) const;
@@ -46,9 +46,6 @@ class BodySurface {
   void advance();
   [[nodiscard]] PointResponse<double> respond(std::uint32_t triangle, const Vec3d& barycentric) const;
   void apply(std::uint32_t triangle, const Vec3d& barycentric, const Vec3d& force_N);
-
-  // Puts a node elsewhere along one axis, with another velocity; one that is driven stays as it is.
-  void overwrite(int node, int axis, double position_m, double velocity_m_s);
 
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] const BodyState& state() const { return state_; }

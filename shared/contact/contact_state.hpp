@@ -19,9 +19,10 @@ struct ContactState {
   Vec3<Real> force_N{};        // of the tip on the body during the last step
   Vec3<Real> normal{};         // unit outward normal in which that force was found; only with mode != free
   Vec3<Real> stretch_m{};      // of the coupling; zero where it does not yield, and when free
-  // The surface is asked to reach a place this far behind the tip, against the outward normal: more than 0
-  // only after a start inside the body, until the tip has been pushed out.
-  Real inset_m = 0;
+  // What the contact leaves open between the surface's contact point and the tip:
+  Real inset_m = 0;  // inward, what is left of a start inside the body
+  Vec3<Real>
+      overhang_m{};  // along the surface: beyond its border, or where a start inside the body was askew
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here

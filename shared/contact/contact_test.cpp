@@ -47,7 +47,7 @@ class Bed {
     return kNoTriangle;
   }
   Friction<double> friction(std::uint32_t) const { return friction_; }
-  bool is_near(const Vec3d&, const Vec3d&, double) { return true; }
+  Nearness nearness(const Vec3d&, const Vec3d&, double) { return Nearness::near; }
   bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) const { return true; }
   Vec3d position(std::uint32_t n) { return now_[n]; }
   Vec3d position_before(std::uint32_t n) { return before_[n]; }
@@ -76,7 +76,7 @@ class Bed {
   PointResponse<double> respond(std::uint32_t t, const Vec3d& b) {
     const auto& c = triangles_[t];
     return {now_[c[0]] * b.x + now_[c[1]] * b.y + now_[c[2]] * b.z,
-            Mat3d::identity(dot(b, b) * kStep_s * kStep_s / kMass_kg)};
+            Mat3d::identity(dot(b, b) * kStep_s * kStep_s / kMass_kg), 0.0};
   }
   void apply(std::uint32_t t, const Vec3d& b, const Vec3d& force) {
     for (std::size_t k = 0; k < 3; ++k) {
@@ -207,13 +207,94 @@ TEST(Contact, BesideTheSurfaceThereIsNoContact) {
        [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
 }
 
-TEST(Contact, ATipThatStartsInsideIsLeftAloneUntilItHasBeenOutside) {
+// The tip of a hand that holds still is met without force, and pressed with the bound at most.
+TEST(Contact, ATipThatStartsInsideIsPushedOutWithABoundedForce) {
   Bed bed;
   ContactState<double> state;
-  Vec3d tip = move(bed, state, {}, {0.021, 0.023, -0.003}, {0.021, 0.023, 0.003}, 0.2,
-                   [&](const Vec3d&) { EXPECT_EQ(state.mode, ContactMode::free); });
-  move(bed, state, {}, tip, {0.021, 0.023, -0.003}, 0.2, kNothing);
+  constexpr double kDepth_m = 0.008;
+  const Vec3d held{0.021, 0.023, -kDepth_m};
+  step_contact(bed, state, {}, held, held);
   EXPECT_EQ(state.mode, ContactMode::stick);
+  EXPECT_NEAR(state.inset_m, kDepth_m - kPushOut_m_s * Bed::kStep_s, 1e-12);
+  double largest_N = 0, before_m = state.inset_m;
+  move(bed, state, {}, held, held, 1.0, [&](const Vec3d&) {
+    largest_N = std::max(largest_N, norm(state.force_N));
+    EXPECT_LE(before_m - state.inset_m, kPushOut_m_s * Bed::kStep_s * (1 + 1e-9));
+    before_m = state.inset_m;
+  });
+  // The bed's springs would hold much more than that at this depth.
+  EXPECT_GT(state.inset_m, 0.001);
+  EXPECT_LE(largest_N, kPushOut_N);
+  EXPECT_GT(largest_N, 0.9 * kPushOut_N);
+}
+
+// A hand that gives way is led out, and touches from outside as ever afterwards.
+TEST(Contact, ATipThatStartsInsideComesOut) {
+  Bed bed;
+  ContactState<double> state;
+  constexpr double kMass_kg = 0.2, kDamping_N_s_m = 5.0, kStart_m = -0.004;
+  Vec3d tip{0.021, 0.023, kStart_m}, velocity{};
+  double largest_N = 0;
+  bool came_out = false;
+  for (int i = 0; i < 30000 && !came_out; ++i) {
+    velocity += (state.force_N * -1.0 - velocity * kDamping_N_s_m) * (Bed::kStep_s / kMass_kg);
+    const Vec3d next = tip + velocity * Bed::kStep_s;
+    step_contact(bed, state, {}, tip, next);
+    tip = next;
+    largest_N = std::max(largest_N, norm(state.force_N));
+    came_out = state.mode == ContactMode::free && state.outside;
+  }
+  EXPECT_TRUE(came_out);
+  EXPECT_GT(tip.z, -1e-3);
+  // Nothing but the pushing-out acts.
+  EXPECT_LE(largest_N, kPushOut_N);
+  tip = move(bed, state, {}, tip, {0.021, 0.023, 0.005}, 0.2, kNothing);
+  EXPECT_EQ(state.mode, ContactMode::free);
+  move(bed, state, {}, tip, {0.021, 0.023, -0.002}, 0.2, kNothing);
+  EXPECT_EQ(state.mode, ContactMode::stick);
+  EXPECT_EQ(state.inset_m, 0.0);
+}
+
+// Pushed further in from inside, the tip feels the body resist that motion: what it would feel from the
+// surface on, and the pushing-out.
+TEST(Contact, PushedFurtherInATipThatStartsInsideFeelsTheBody) {
+  Bed bed;
+  ContactState<double> state;
+  constexpr double kStart_m = -0.003, kFurther_m = 0.004;
+  Vec3d tip =
+      move(bed, state, {}, {0.021, 0.023, kStart_m}, {0.021, 0.023, kStart_m - kFurther_m}, 0.3, kNothing);
+  move(bed, state, {}, tip, tip, 0.5, kNothing);
+  const double stiffness_N_m = Bed::kStiffness_N_m / dot(state.barycentric, state.barycentric);
+  const double drawn_m = -kStart_m - state.inset_m;
+  EXPECT_GE(drawn_m, 0.0);
+  EXPECT_NEAR(-state.force_N.z, stiffness_N_m * (kFurther_m + drawn_m), 0.01 * stiffness_N_m * kFurther_m);
+  EXPECT_GT(-state.force_N.z, kPushOut_N);
+}
+
+// A tip that goes out by itself takes what is left of its start inside with it, without a force.
+TEST(Contact, GoingOutFromInsideIsFree) {
+  Bed bed;
+  ContactState<double> state;
+  move(bed, state, {}, {0.021, 0.023, -0.005}, {0.021, 0.023, 0.003}, 0.1, [&](const Vec3d& tip) {
+    EXPECT_LE(norm(state.force_N), 1e-9);
+    if (state.mode != ContactMode::free) {
+      EXPECT_NEAR(state.inset_m, -tip.z, 2e-5) << tip.z;
+    }
+  });
+  EXPECT_EQ(state.mode, ContactMode::free);
+  EXPECT_TRUE(state.outside);
+}
+
+// A sphere whose centre is outside may overlap the surface at the start as well.
+TEST(Contact, ASphereThatOverlapsTheSurfaceIsPushedOut) {
+  Bed bed;
+  ContactState<double> state;
+  const ContactLaw<double> law{.tip_radius_m = 0.004};
+  const Vec3d held{0.021, 0.023, 0.001};
+  step_contact(bed, state, law, held, held);
+  EXPECT_EQ(state.mode, ContactMode::stick);
+  EXPECT_NEAR(state.inset_m, 0.003, 1e-5);
+  EXPECT_LE(norm(state.force_N), kPushOut_N);
 }
 
 TEST(Contact, CollisionTimeIsFoundWithinTheStep) {

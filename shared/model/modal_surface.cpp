@@ -37,6 +37,10 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
     }
   }
 
+  fixed_ = 0;
+  for (std::uint32_t n = 0; n < model.nodes; ++n)
+    if (!is_moved(n)) fixed_ |= 1u << n;
+
   // The neighbour across the edge opposite to corner c shares the two other corners, in reverse order.
   for (std::uint32_t t = 0; t < model.triangles; ++t) {
     for (std::uint32_t c = 0; c < 3; ++c) {
@@ -67,23 +71,23 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   margin_m_ = 0.1f * norm(highest_m_ - lowest_m_);
 }
 
-bool ModalSurface::is_near(const Vec3f& from, const Vec3f& to, float tip_radius_m) {
+Nearness ModalSurface::nearness(const Vec3f& from, const Vec3f& to, float tip_radius_m) {
   const float reach = margin_m_ + tip_radius_m;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const float low = from[axis] < to[axis] ? from[axis] : to[axis];
     const float high = from[axis] < to[axis] ? to[axis] : from[axis];
     if (high < lowest_m_[axis] - reach || low > highest_m_[axis] + reach) {
       clearance_m_ = 0.0f;
-      return false;
+      return Nearness::far;
     }
   }
   if (clearance_m_ > 0.0f) {
     work_ += kWorkOfModes;
     clearance_m_ -= norm(to - from) + largest_travel_m();
-    if (clearance_m_ > 0.0f) return false;
+    if (clearance_m_ > 0.0f) return Nearness::outside;
   }
   for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
-  return true;
+  return Nearness::near;
 }
 
 // Quantizes basis_scale * q with one step for all modes. The largest entry is 32767, so a node is off by
@@ -148,6 +152,13 @@ Vec3f ModalSurface::position(std::uint32_t node) {
   now_valid_ |= 1u << node;
   work_ += kWorkOfNode;
   return x;
+}
+
+bool ModalSurface::is_moved(std::uint32_t node) const {
+  const std::int16_t* row = model_.basis + 3 * node * model_.modes;
+  for (std::size_t i = 0; i < 3 * model_.modes; ++i)
+    if (row[i] != 0) return true;
+  return false;
 }
 
 bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const {
@@ -216,10 +227,13 @@ void ModalSurface::load_point(std::uint32_t triangle, const Vec3f& barycentric) 
   const std::size_t modes = model_.modes;
   const auto corner = corners(triangle);
   point_rest_m_ = {};
+  float fixed = 0.0f;
   for (std::size_t k = 0; k < 3; ++k) {
     const float* x = model_.position_m + 3 * corner[k];
     point_rest_m_ += Vec3f{x[0], x[1], x[2]} * barycentric[k];
+    if ((fixed_ >> corner[k] & 1u) != 0u) fixed += barycentric[k];
   }
+  point_skin_m_N_ = fixed * static_cast<float>(1.0 / kSkinStiffness_N_m);
   const float wa = barycentric.x, wb = barycentric.y, wc = barycentric.z;
   const float* __restrict scale = model_.basis_scale;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -265,7 +279,7 @@ PointResponse<float> ModalSurface::respond(std::uint32_t triangle, const Vec3f& 
     y += wy[m] * ahead;
     z += wz[m] * ahead;
   }
-  return {point_rest_m_ + Vec3f{x, y, z}, point_compliance_m_N_};
+  return {point_rest_m_ + Vec3f{x, y, z}, point_compliance_m_N_, point_skin_m_N_};
 }
 
 void ModalSurface::apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N) {

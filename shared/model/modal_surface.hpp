@@ -44,9 +44,9 @@ class ModalSurface {
     const std::uint8_t index = model_.triangle_friction[triangle];
     return {model_.static_friction[index], model_.kinetic_friction[index]};
   }
-  // True within the patch's bounding sphere plus its radius; then all nodes are evaluated, for the collision
-  // search.
-  bool is_near(const Vec3f& from, const Vec3f& to, float tip_radius_m);
+  // Near within the patch's bounding box and a margin, but for a noted clearance; then all nodes are
+  // evaluated, for the collision search.
+  Nearness nearness(const Vec3f& from, const Vec3f& to, float tip_radius_m);
   bool may_touch(std::uint32_t, const Vec3f&, const Vec3f&, float) {
     ++triangle_tests_;
     return true;
@@ -73,6 +73,7 @@ class ModalSurface {
   Vec3f node_normal_before(std::uint32_t node);
   void quantize_state();
   [[nodiscard]] float largest_travel_m() const;
+  [[nodiscard]] bool is_moved(std::uint32_t node) const;
   void load_point(std::uint32_t triangle, const Vec3f& barycentric);
   void moved();
 
@@ -86,9 +87,11 @@ class ModalSurface {
   std::uint32_t point_triangle_ = kNoPoint;
   Vec3f point_barycentric_{}, point_rest_m_{};
   Mat3f point_compliance_m_N_{};
+  float point_skin_m_N_ = 0;
   std::array<std::array<float, kMaxModes>, 3> point_basis_{};  // scaled
   std::array<Vec3f, kMaxSurfaceNodes> now_{}, before_{};
   std::uint32_t now_valid_ = 0;  // bit per node
+  std::uint32_t fixed_ = 0;      // bit per node: no mode moves it
   std::array<std::array<std::int8_t, 3>, kMaxTriangles> neighbour_{};
   // Triangles around each node, and the normal there: the mean of theirs, weighted by area.
   std::array<std::array<std::uint8_t, kMaxTrianglesOfNode>, kMaxSurfaceNodes> triangles_of_{};
