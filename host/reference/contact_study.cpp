@@ -55,10 +55,10 @@ double tangential(const Vec3d& f) {
 struct Limit {
   std::vector<Vec3d> equation_N, momentum_N;
 };
-Limit paper_limit(const LinearPatch& patch, const PaperLaw<double>& law, const PressAndDrag& motion) {
-  constexpr int kCoarse = 64;
-  const auto coarse = run_paper(patch, law, motion.path(), {motion.duration_s(), kTick_s}, kCoarse);
-  const auto fine = run_paper(patch, law, motion.path(), {motion.duration_s(), kTick_s}, 2 * kCoarse);
+Limit paper_limit(const LinearPatch& patch, const PaperLaw<double>& law, const PressAndDrag& motion,
+                  int steps_per_ms) {
+  const auto coarse = run_paper(patch, law, motion.path(), {motion.duration_s(), kTick_s}, steps_per_ms);
+  const auto fine = run_paper(patch, law, motion.path(), {motion.duration_s(), kTick_s}, 2 * steps_per_ms);
   Limit limit;
   for (std::size_t i = 0; i < fine.size(); ++i) {
     limit.equation_N.push_back(fine[i].force_N * 2.0 - coarse[i].force_N);
@@ -106,10 +106,12 @@ plant::TipPath PressAndDrag::path() const {
 }
 
 Convergence measure_convergence(const LinearPatch& patch, const FrictionCase& friction,
-                                const PressAndDrag& motion, const std::vector<int>& steps_per_ms) {
+                                const PressAndDrag& motion, const std::vector<int>& steps_per_ms,
+                                int limit_steps_per_ms) {
   const PaperLaw<double> held{friction.kind, friction.friction, PaperPointVelocity::held};
   const PaperLaw<double> carried{friction.kind, friction.friction, PaperPointVelocity::carried};
-  const Limit held_limit = paper_limit(patch, held, motion), limit = paper_limit(patch, carried, motion);
+  const Limit held_limit = paper_limit(patch, held, motion, limit_steps_per_ms),
+              limit = paper_limit(patch, carried, motion, limit_steps_per_ms);
   const double largest_step_s = largest_stable_step_s(patch);
   Convergence result;
   result.force_N = distance(limit.momentum_N, std::vector<Vec3d>(limit.momentum_N.size()));

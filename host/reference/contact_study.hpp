@@ -48,9 +48,10 @@ struct Convergence {
   double force_N = 0;  // root mean square of the limit
   std::vector<ConvergenceRow> rows;
 };
-// The limit is extrapolated (Richardson) from steps of 1/64 and 1/128 ms.
+// The limit is extrapolated (Richardson) from `limit_steps_per_ms` and twice as many.
 Convergence measure_convergence(const LinearPatch& patch, const FrictionCase& friction,
-                                const PressAndDrag& motion, const std::vector<int>& steps_per_ms);
+                                const PressAndDrag& motion, const std::vector<int>& steps_per_ms,
+                                int limit_steps_per_ms = 64);
 
 // log2 of the error's ratio between two rows, per halving of the step.
 double order(double coarse_error, double fine_error, int coarse_steps_per_ms, int fine_steps_per_ms);

@@ -28,12 +28,17 @@ PressAndDrag motion(double phase_s = 0.04) {
 // which may make them better.
 constexpr double kLeastOrder = 0.8, kLargestFirstOrder = 1.3;
 
+// Steps of the coarser of the two runs that the limit is extrapolated from. Against 64 of them the errors of
+// which an order is taken change by at most 3 %.
+constexpr int kLimitSteps = 16;
+
 class DefaultContact : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(DefaultContact, ConvergesToThePaperAsTheStepShrinks) {
   const FrictionCase friction = friction_cases()[GetParam()];
-  const Convergence c = measure_convergence(test::reference_patch(1.0), friction, motion(), {1, 2, 4, 8, 16});
-  const ConvergenceRow &coarse = c.rows[0], &fine = c.rows[3];
+  const Convergence c =
+      measure_convergence(test::reference_patch(1.0), friction, motion(), {1, 4, 8}, kLimitSteps);
+  const ConvergenceRow &coarse = c.rows[0], &fine = c.rows[1];
   const auto order_of = [&](double ConvergenceRow::*error) {
     return order(coarse.*error, fine.*error, coarse.steps_per_ms, fine.steps_per_ms);
   };
@@ -49,7 +54,7 @@ TEST_P(DefaultContact, ConvergesToThePaperAsTheStepShrinks) {
   if (friction.kind == PaperFriction::frictionless) {
     EXPECT_LT(order_of(&ConvergenceRow::default_N), kLargestFirstOrder);
   }
-  const double of_paper = order(c.rows[2].paper_N, c.rows[4].paper_N, 4, 16);
+  const double of_paper = order(c.rows[1].paper_N, c.rows[2].paper_N, 4, 8);
   EXPECT_GT(of_paper, kLeastOrder);
   EXPECT_LT(of_paper, kLargestFirstOrder);
 }
@@ -63,8 +68,8 @@ TEST(WhatThePaperOmits, IsProportionalToSpeedOrAcceleration) {
   const LinearPatch patch = test::reference_patch(1.0);
   for (const std::size_t i : {0U, 1U}) {
     const FrictionCase friction = friction_cases()[i];
-    const ConvergenceRow fast = measure_convergence(patch, friction, motion(0.02), {8}).rows[0];
-    const ConvergenceRow slow = measure_convergence(patch, friction, motion(0.04), {8}).rows[0];
+    const ConvergenceRow fast = measure_convergence(patch, friction, motion(0.02), {8}, kLimitSteps).rows[0];
+    const ConvergenceRow slow = measure_convergence(patch, friction, motion(0.04), {8}, kLimitSteps).rows[0];
     EXPECT_NEAR(fast.default_to_held_N / slow.default_to_held_N, 2.0, 2.0 * kTolerance) << friction.name;
     EXPECT_NEAR(fast.default_to_carried_N / slow.default_to_carried_N, 4.0, 4.0 * kTolerance)
         << friction.name;
