@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "shared/contact/closest_point.hpp"
@@ -30,11 +32,10 @@ struct Crossing {
   Real fraction = 1;  // of the step: just after it
 };
 
-// Height of the tip's centre over a triangle's plane at fraction s of the step, times twice the area.
-template <class Surface, class Real>
-Real height_over(Surface& surface, std::uint32_t triangle, const TipMotion<Real>& motion, Real s) {
-  const auto x = corners_at(surface, triangle, s);
-  return dot(lerp(motion.from_m, motion.to_m, s) - x[0], cross(x[1] - x[0], x[2] - x[0]));
+// Height of the tip over the plane of a triangle, times twice its area.
+template <class Real>
+Real height_over(const Vec3<Real>& tip, const std::array<Vec3<Real>, 3>& x) {
+  return dot(tip - x[0], cross(x[1] - x[0], x[2] - x[0]));
 }
 
 // The first triangle that the tip's centre passes from front to back; all move in straight lines. The place
@@ -44,31 +45,57 @@ template <class Surface, class Real>
 Crossing<Real> first_crossing(Surface& surface, const TipMotion<Real>& motion) {
   constexpr Real kResolution = Real(1) / (1 << kCollisionBisections);
   constexpr Real kRounding = static_cast<Real>(1e-5);  // of a triangle's size, in single precision
+  // Of the motion: how far the place of passing may be from where heights that fall evenly would have it. A
+  // triangle that turns by half a right angle in a step does not make it more.
+  constexpr Real kUneven = Real(0.25);
   Crossing<Real> first{};
   const std::uint32_t count = surface.triangle_count();
   for (std::uint32_t t = 0; t < count; ++t) {
     if (!surface.may_touch(t, motion.from_m, motion.to_m, motion.radius_m)) continue;
-    if (!(height_over(surface, t, motion, Real(1)) < 0)) continue;
-    if (height_over(surface, t, motion, Real(0)) < 0) continue;
+    const auto after = corners_at(surface, t, Real(1));
+    const Real end = height_over(motion.to_m, after);
+    if (!(end < 0)) continue;
+    const auto before = corners_at(surface, t, Real(0));
+    const Real start = height_over(motion.from_m, before);
+    if (start < 0) continue;
+    std::array<Vec3<Real>, 3> x{};
+    Vec3<Real> tip{};
+    const auto move_to = [&](Real s) {
+      for (std::size_t c = 0; c < 3; ++c) x[c] = lerp(before[c], after[c], s);
+      tip = lerp(motion.from_m, motion.to_m, s);
+    };
+    const auto miss = [&] { return norm(tip - closest_point(tip, x[0], x[1], x[2]).position); };
+    Real moved = norm(motion.to_m - motion.from_m);
+    for (std::size_t c = 0; c < 3; ++c) moved = std::max(moved, norm(after[c] - before[c]));
+    move_to(start / (start - end));
+    const Vec3<Real> ab = x[1] - x[0], ac = x[2] - x[0], ap = tip - x[0];
+    const Real size = std::sqrt(std::max(dot(ab, ab), dot(ac, ac)));
+    const Real reach = size + kUneven * moved;
+    if (dot(ap, ap) > reach * reach || miss() > kUneven * moved + size * kRounding) continue;
     Real low = 0, high = 1;
     for (int i = 0; i < kCollisionBisections; ++i) {
       const Real middle = (low + high) * Real(0.5);
-      (height_over(surface, t, motion, middle) < 0 ? high : low) = middle;
+      move_to(middle);
+      (height_over(tip, x) < 0 ? high : low) = middle;
     }
     if (first.found && high >= first.fraction) continue;
-    const auto x = corners_at(surface, t, high), before = corners_at(surface, t, Real(0)),
-               after = corners_at(surface, t, Real(1));
-    Real moved = norm(motion.to_m - motion.from_m), size = 0;
-    for (std::size_t c = 0; c < 3; ++c) {
-      moved = std::max(moved, norm(after[c] - before[c]));
-      size = std::max(size, norm(x[c] - x[(c + 1) % 3]));
-    }
-    const Vec3<Real> tip = lerp(motion.from_m, motion.to_m, high);
-    const Real miss = norm(tip - closest_point(tip, x[0], x[1], x[2]).position);
+    move_to(high);
     // Tip and triangle may both move.
-    if (miss <= Real(2) * moved * kResolution + size * kRounding) first = {true, t, high};
+    if (miss() <= Real(2) * moved * kResolution + size * kRounding) first = {true, t, high};
   }
   return first;
+}
+
+// Could the tip have passed the surface on its way? Not if it has ended outside, further away than it has
+// come.
+template <class Surface, class Real>
+bool could_have_crossed(Surface& surface, const TipMotion<Real>& motion, const SurfacePoint<Real>& end) {
+  const auto before = corners_at(surface, end.triangle, Real(0)),
+             after = corners_at(surface, end.triangle, Real(1));
+  Real moved = 0;
+  for (std::size_t c = 0; c < 3; ++c) moved = std::max(moved, norm(after[c] - before[c]));
+  // Twice: other triangles may move more.
+  return end.distance_m <= norm(motion.to_m - motion.from_m) + Real(2) * moved;
 }
 
 // Looks for the tip's meeting with the surface in the step just taken.
@@ -79,6 +106,7 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
     state.triangle = point.triangle;
     state.barycentric = point.barycentric;
   };
+  std::uint32_t guess = 0;
   if (!state.outside) {
     const auto start = closest_on_surface(surface, motion.from_m, Real(0), motion, Search::everywhere);
     if (!start.found || start.at_border) return Meeting::none;
@@ -87,14 +115,19 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
       return Meeting::inside;
     }
     state.outside = true;
+    guess = start.triangle;
   }
-  const Crossing<Real> crossing = first_crossing(surface, motion);
+  const auto end = closest_on_surface(surface, motion.to_m, Real(1), motion, Search::within_reach, guess);
+  if (!end.found) return Meeting::none;
+  Crossing<Real> crossing{};
+  if (could_have_crossed(surface, motion, end)) crossing = first_crossing(surface, motion);
   std::uint32_t triangle = crossing.triangle;
   if (!crossing.found) {
-    const auto end = closest_on_surface(surface, motion.to_m, Real(1), motion, Search::within_reach);
     // Beside the part of the surface that is known here, the tip may go anywhere.
-    if (end.found && end.at_border) state.outside = false;
-    if (!end.found || end.at_border) return Meeting::none;
+    if (end.at_border) {
+      state.outside = false;
+      return Meeting::none;
+    }
     if (end.distance_m >= radius_m) {
       surface.note_clearance(end.distance_m - radius_m);
       return Meeting::none;
@@ -104,15 +137,25 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
   }
   // When did the tip pass the plane of that triangle? Both move in straight lines.
   Real low = 0, high = crossing.fraction;
-  for (int i = 0; i < kCollisionBisections; ++i) {
+  const bool known = crossing.found && !(radius_m > 0);
+  const auto before = corners_at(surface, triangle, Real(0)), after = corners_at(surface, triangle, Real(1));
+  for (int i = 0; i < kCollisionBisections && !known; ++i) {
     const Real middle = (low + high) * Real(0.5);
-    const auto x = corners_at(surface, triangle, middle);
+    std::array<Vec3<Real>, 3> x{};
+    for (std::size_t c = 0; c < 3; ++c) x[c] = lerp(before[c], after[c], middle);
     const Vec3<Real> normal = normalized(cross(x[1] - x[0], x[2] - x[0]));
     (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < radius_m ? high : low) = middle;
   }
-  const auto there =
-      closest_on_surface(surface, lerp(motion.from_m, motion.to_m, high), high, motion, Search::within_reach);
-  if (crossing.found || !there.at_border) touch(there);
+  const Vec3<Real> tip = lerp(motion.from_m, motion.to_m, high);
+  if (crossing.found) {
+    state.triangle = triangle;
+    state.barycentric = closest_point(tip, lerp(before[0], after[0], high), lerp(before[1], after[1], high),
+                                      lerp(before[2], after[2], high))
+                            .barycentric;
+  } else {
+    const auto there = closest_on_surface(surface, tip, high, motion, Search::within_reach, triangle);
+    if (!there.at_border) touch(there);
+  }
   return Meeting::collision;
 }
 

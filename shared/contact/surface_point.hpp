@@ -119,23 +119,24 @@ bool is_behind(Surface& surface, std::uint32_t triangle, const Vec3<Real>& baryc
 enum class Search : std::uint8_t { within_reach, everywhere };
 
 // Closest point of the surface to `point`, with nodes at fraction s of the step. `within_reach` leaves out
-// the triangles that the motion cannot touch.
+// the triangles that the motion cannot touch. `guess`, a triangle that may well be the one, is looked at
+// first: then the others are ruled out early.
 template <class Surface, class Real>
 SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point, Real s,
-                                      const TipMotion<Real>& motion, Search search) {
+                                      const TipMotion<Real>& motion, Search search, std::uint32_t guess = 0) {
   SurfacePoint<Real> best{};
-  Real best_squared = 0;
+  Real best_squared = 0, best_distance = 0;
   const std::uint32_t count = surface.triangle_count();
-  for (std::uint32_t t = 0; t < count; ++t) {
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::uint32_t t = i == 0 ? guess : i == guess ? 0 : i;
     if (search == Search::within_reach && !surface.may_touch(t, motion.from_m, motion.to_m, motion.radius_m))
       continue;
     const auto x = corners_at(surface, t, s);
     // The triangle lies in a ball about its first corner: most are ruled out by that.
     const Vec3<Real> ab = x[1] - x[0], ac = x[2] - x[0], ap = point - x[0];
     if (best.found) {
-      const Real size_squared = std::max(dot(ab, ab), dot(ac, ac));
-      const Real to_ball = std::sqrt(dot(ap, ap)) - std::sqrt(size_squared);
-      if (to_ball > 0 && to_ball * to_ball >= best_squared) continue;
+      const Real reach = std::sqrt(std::max(dot(ab, ab), dot(ac, ac))) + best_distance;
+      if (dot(ap, ap) >= reach * reach) continue;
     }
     const auto nearest = closest_point(point, x[0], x[1], x[2]);
     const Vec3<Real> offset = point - nearest.position;
@@ -143,6 +144,7 @@ SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point,
     if (best.found && squared >= best_squared) continue;
     best.found = true;
     best_squared = squared;
+    best_distance = std::sqrt(squared);
     best.triangle = t;
     best.barycentric = nearest.barycentric;
     best.position_m = nearest.position;
@@ -150,7 +152,7 @@ SurfacePoint<Real> closest_on_surface(Surface& surface, const Vec3<Real>& point,
   if (!best.found) return best;
   best.at_border = on_border(surface, best.triangle, best.barycentric);
   const bool behind = is_behind(surface, best.triangle, best.barycentric, point - best.position_m, s);
-  best.distance_m = behind ? -std::sqrt(best_squared) : std::sqrt(best_squared);
+  best.distance_m = behind ? -best_distance : best_distance;
   return best;
 }
 
