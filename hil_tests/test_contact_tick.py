@@ -42,7 +42,6 @@ def test_the_worst_tick_in_contact_keeps_the_budget(report):
     assert over_budget(report, _KINDS - _SEARCHES) == {}
 
 
-@pytest.mark.xfail(reason="the search for a first contact takes up to 192,060 instructions (docs/benchmarks.md)")
 def test_the_worst_search_for_a_contact_keeps_the_budget(report):
     assert over_budget(report, _SEARCHES) == {}
 
