@@ -96,6 +96,37 @@ TEST_F(Coulomb, WedgedContactSticks) {
   EXPECT_GE(-dot(normal, result.force_N), 0.0);
 }
 
+// Strongly coupled compliances, wedged ones among them: whatever the solution is, it presses, closes the
+// normal gap, and keeps the cone unless it is wedged.
+TEST_F(Coulomb, StronglyCoupledCompliancesNeverPull) {
+  int wedged = 0, slipping = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    Mat3d c = Mat3d::identity(2e-5);
+    const Vec3d soft = vector();
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t k = 0; k < 3; ++k) c(r, k) += 1e-3 * soft[r] * soft[k];
+    const Vec3d normal = normalized(vector()), gap = vector() * 1e-3;
+    const Friction<double> friction{1.5, 1.0};
+    const auto previous = trial % 2 == 0 ? ContactMode::stick : ContactMode::slip;
+    const auto result = solve_coulomb(gap, c, normal, friction, previous);
+    const double fn = -dot(normal, result.force_N), ft = norm(result.force_N + normal * fn);
+    if (result.mode == ContactMode::free) continue;
+    ASSERT_TRUE(is_finite(result.force_N));
+    ASSERT_GE(fn, 0.0);
+    const double mu =
+        previous == ContactMode::slip ? friction.kinetic_coefficient : friction.static_coefficient;
+    ASSERT_NEAR(dot(normal, gap - c * result.force_N), 0.0, 1e-6 * norm(gap));
+    if (result.mode == ContactMode::slip) {
+      ++slipping;
+      ASSERT_NEAR(ft, friction.kinetic_coefficient * fn, kRounding * fn);
+    } else if (ft > mu * fn * (1.0 + kRounding)) {
+      ++wedged;  // sticks beyond the cone: the surface would press harder, whichever way it slips
+    }
+  }
+  EXPECT_GT(wedged, 20);
+  EXPECT_GT(slipping, 1000);
+}
+
 TEST_F(Coulomb, SingularComplianceGivesNoForce) {
   EXPECT_EQ(solve_coulomb(Vec3d{0, 0, -1}, Mat3d{}, Vec3d{0, 0, 1}, {1.0, 1.0}, ContactMode::stick).mode,
             ContactMode::free);
