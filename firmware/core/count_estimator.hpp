@@ -22,7 +22,7 @@ inline constexpr float kLongestInterval_ticks = 128.0f;
 // Share of its distance to the tracker that the output closes per tick: this at rest, and |velocity| times
 // the other more.
 inline constexpr float kRestGain = 1.0f / 32.0f;
-inline constexpr float kMotionGain_ticks = 1.0f;
+inline constexpr float kMotionGain_ticks = 4.0f;
 // The output is held this close to the count.
 inline constexpr float kFarthest_count = 2.0f;
 // More than this in a tick (30 m/s at the tip) is no motion: the estimate starts anew.

@@ -205,7 +205,7 @@ class Coupling:
         Choice(("counts", "estimated")),
         "where the device's tip is taken to be (`palpate run` only); `counts`: where the encoder counts say; "
         "`estimated`: the board estimates it between counts",
-        default="counts",
+        default="estimated",
     )
 
 
