@@ -35,6 +35,7 @@ bool is_on_triangle(const Vec3f& barycentric) {
 }  // namespace
 
 void Renderer::step(Slot& slot, const Vec3f& tip_m) {
+  if (slot.kind == ModelKind::held_force) return;
   const Vec3f tip = tip_m - slot.view.origin_m;
   step_contact(slot.surface, slot.contact, slot.law, slot.previous_tip_m, tip);
   slot.previous_tip_m = tip;
@@ -103,8 +104,12 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   if (m.modes > kMaxModes || m.nodes > kMaxSurfaceNodes || m.triangles > kMaxTriangles)
     return Status::model_too_large;
   if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0 ||
-      m.surface > static_cast<std::uint8_t>(SurfaceKind::flat))
+      m.surface > static_cast<std::uint8_t>(SurfaceKind::flat) ||
+      m.kind > static_cast<std::uint8_t>(ModelKind::modes_from_now))
     return Status::model_inconsistent;
+  slot.kind = static_cast<ModelKind>(m.kind);
+  const bool held = slot.kind == ModelKind::held_force;
+  if (held && (m.modes != 0 || m.nodes != 0 || m.triangles != 0)) return Status::model_inconsistent;
 
   slot.view = LocalModelView{.modes = m.modes,
                              .nodes = m.nodes,
@@ -113,7 +118,8 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
                              .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
                              .position_m = m.position_m.elements,
                              .corner = m.corner.elements,
-                             .triangle_id = m.triangle_id.elements,
+                             // A held force has no triangles but the one that the host says is touched.
+                             .triangle_id = held ? &m.contact.triangle : m.triangle_id.elements,
                              .frictions = m.static_friction.count,
                              .static_friction = m.static_friction.elements,
                              .kinetic_friction = m.kinetic_friction.elements,
@@ -141,7 +147,7 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     if (!is_on_triangle(slot.contact.barycentric)) return Status::model_inconsistent;
     std::uint32_t triangle = 0;
     while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
-    if (triangle == m.triangles) return Status::model_inconsistent;
+    if (triangle == m.triangles && !held) return Status::model_inconsistent;
     slot.contact.triangle = triangle;
     slot.contact.inset_m = m.contact.inset_m;
     slot.contact.overhang_m = {m.contact.overhang_m[0], m.contact.overhang_m[1], m.contact.overhang_m[2]};
@@ -156,15 +162,43 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
 }
 
 Status Renderer::start(Slot& slot) {
-  const Status checked = check(slot.view, slot.state);
-  if (checked != Status::ok) return checked;
   const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
+  if (slot.kind != ModelKind::held_force) {
+    const Status checked = check(slot.view, slot.state);
+    if (checked != Status::ok) return checked;
+    slot.surface.bind(slot.view, slot.state);
+  }
   if (static_cast<std::int32_t>(slot.tick - newest) > 0) return Status::model_from_future;
+  if (slot.kind != ModelKind::modes) return Status::ok;
   ServoSample at_model_tick{};
   if (!sample(slot.tick, at_model_tick)) return Status::model_too_old;
   slot.previous_tip_m = at_model_tick.tip_m - slot.view.origin_m;
-  slot.surface.bind(slot.view, slot.state);
   return Status::ok;
+}
+
+void Renderer::advance_shadow(Slot& slot, std::uint32_t newest) {
+  ServoSample past{};
+  if (slot.kind != ModelKind::modes) {
+    (void)sample(newest, past);
+    slot.previous_tip_m = past.tip_m - slot.view.origin_m;
+    slot.tick = newest;
+    return;
+  }
+  // Stops where one more step, as costly as the costliest so far, would go over the budget; the first ones,
+  // in the air and cheap, say nothing about a collision.
+  std::uint32_t work = 0, costliest = kUsualStepWork;
+  while (slot.tick != newest && work + costliest <= kCatchUpWork) {
+    if (!sample(slot.tick + 1, past)) {
+      finish_shadow(Status::model_too_old);
+      return;
+    }
+    const std::uint32_t before = slot.surface.work();
+    step(slot, past.tip_m);
+    ++slot.tick;
+    const std::uint32_t cost = slot.surface.work() - before;
+    work += cost;
+    if (cost > costliest) costliest = cost;
+  }
 }
 
 bool Renderer::reclaim_offer() {
@@ -235,22 +269,7 @@ bool Renderer::catch_up(ModelReport& report) {
   } else if (shadow_ == Shadow::catching_up) {
     Slot& slot = slots_[shadow_slot_];
     const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
-    // Stops where one more step, as costly as the costliest so far, would go over the budget; the first ones,
-    // in the air and cheap, say nothing about a collision.
-    std::uint32_t work = 0, costliest = kUsualStepWork;
-    while (slot.tick != newest && work + costliest <= kCatchUpWork) {
-      ServoSample past{};
-      if (!sample(slot.tick + 1, past)) {
-        finish_shadow(Status::model_too_old);
-        break;
-      }
-      const std::uint32_t before = slot.surface.work();
-      step(slot, past.tip_m);
-      ++slot.tick;
-      const std::uint32_t cost = slot.surface.work() - before;
-      work += cost;
-      if (cost > costliest) costliest = cost;
-    }
+    advance_shadow(slot, newest);
     if (shadow_ == Shadow::catching_up) {
       shadow_tick_.store(slot.tick, std::memory_order_relaxed);
       if (slot.tick == newest) {
@@ -275,6 +294,12 @@ std::uint32_t Renderer::model_sequence() const {
 bool Renderer::estimates_tip() const {
   return have_model_.load(std::memory_order_relaxed) &&
          slots_[active_.load(std::memory_order_relaxed)].tip == TipSource::estimated;
+}
+
+const ContactState<float>* Renderer::model_contact() const {
+  return have_model_.load(std::memory_order_relaxed)
+             ? &slots_[active_.load(std::memory_order_relaxed)].contact
+             : nullptr;
 }
 
 const ModalState* Renderer::model_state() const {

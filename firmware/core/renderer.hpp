@@ -5,7 +5,7 @@
 // slot with its state at an earlier tick k0; the background replays the recorded tip path from k0 on through
 // its contact and modes until it has caught up with the servo tick, then offers it, and the next servo tick
 // takes it over: neither the link's delay nor the host's makes it stale (docs/architecture.md, "One
-// pipeline").
+// pipeline"). Models of the other kinds (ModelKind) are not advanced: they begin when they are taken over.
 #pragma once
 
 #include <array>
@@ -72,6 +72,8 @@ class Renderer {
   [[nodiscard]] std::uint32_t model_sequence() const;  // of the active model; 0: none
   // Modes of the active model after the newest tick, for the host that repeats the rendering; nullptr: none.
   [[nodiscard]] const ModalState* model_state() const;
+  // Its contact, triangle by the model's index; nullptr: none.
+  [[nodiscard]] const ContactState<float>* model_contact() const;
   [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
   // Unit outward normal in which the force of the newest tick was found; zero when free.
   [[nodiscard]] Vec3f contact_normal() const;
@@ -91,6 +93,7 @@ class Renderer {
     ContactState<float> contact{};
     ContactLaw<float> law{};
     TipSource tip = TipSource::counts;
+    ModelKind kind = ModelKind::modes;
     Vec3f previous_tip_m{};  // relative to the model's origin
     std::uint32_t tick = 0;  // state and contact are those at the end of this tick
     std::uint32_t model_tick = 0;
@@ -103,6 +106,7 @@ class Renderer {
   static void step(Slot& slot, const Vec3f& tip_m);
   Status load(Slot& slot, std::span<const std::uint8_t> payload);
   Status start(Slot& slot);
+  void advance_shadow(Slot& slot, std::uint32_t newest);
   bool reclaim_offer();
   void finish_shadow(Status status);
   void drop_after_reset();

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -62,6 +63,8 @@ class Reference {
              .load = m.load.elements,
              .basis_scale = m.basis_scale.elements,
              .basis = m.basis.elements};
+    std::copy_n(m.state_q.elements, m.modes, state_.q.begin());
+    std::copy_n(m.state_p.elements, m.modes, state_.p.begin());
     surface_.bind(view_, state_);
     previous_m_ = tip_m - view_.origin_m;
   }
@@ -337,10 +340,84 @@ INSTANTIATE_TEST_SUITE_P(
                    [](auto& m) { --m.triangle_friction.count; }},
         BadMessage{"negative_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = -0.001f; }},
         BadMessage{"unknown_surface", Status::model_inconsistent, [](auto& m) { m.surface = 2; }},
+        BadMessage{"unknown_kind", Status::model_inconsistent, [](auto& m) { m.kind = 3; }},
+        BadMessage{"held_force_with_modes", Status::model_inconsistent,
+                   [](auto& m) { m.kind = palpate_LocalModel_1_0_KIND_HELD_FORCE; }},
         BadMessage{"no_horizon", Status::model_inconsistent, [](auto& m) { m.valid_ticks = 0; }},
         BadMessage{"too_old", Status::model_too_old, [](auto& m) { m.tick -= kTipHistory; }},
         BadMessage{"from_the_future", Status::model_from_future, [](auto& m) { m.tick += 500; }}),
     [](const auto& tested) { return tested.param.name; });
+
+palpate_LocalModel_1_0 held_force(std::uint32_t sequence, std::uint32_t tick, float force_N) {
+  palpate_LocalModel_1_0 message{};
+  message.sequence = sequence;
+  message.schema_hash = wire::kSchemaHash;
+  message.tick = tick;
+  message.valid_ticks = 1000;
+  message.kind = palpate_LocalModel_1_0_KIND_HELD_FORCE;
+  message.contact.mode = palpate_Contact_1_0_MODE_STICK;
+  message.contact.triangle = 4321;
+  message.contact.barycentric[1] = 1.0f;
+  message.contact.force_N[2] = force_N;
+  return message;
+}
+
+// Whatever the tip does, and however long ago the force was.
+TEST(Renderer, AHeldForceStaysUntilTheNextModel) {
+  Runner runner;
+  runner.ticks(300);
+  ASSERT_EQ(runner.accept(held_force(1, 20, -1.5f)), Status::ok);  // older than the history
+  while (runner.renderer->model_sequence() != 1) (void)runner.tick();
+  ASSERT_LT(runner.now, 310u);
+  for (int i = 0; i < 500; ++i) {
+    const ServoSample sample = runner.tick();
+    ASSERT_EQ(sample.force_N, (Vec3f{0.0f, 0.0f, -1.5f}));
+    ASSERT_EQ(sample.mode, ContactMode::stick);
+    ASSERT_EQ(sample.triangle, 4321u);
+    ASSERT_EQ(sample.barycentric, (Vec3f{0.0f, 1.0f, 0.0f}));
+    ASSERT_EQ(runner.renderer->model_age_ticks(), runner.now - 1 - 20);
+  }
+  ASSERT_EQ(runner.accept(held_force(2, runner.now - 1, -0.5f)), Status::ok);
+  while (runner.renderer->model_sequence() != 2) (void)runner.tick();
+  EXPECT_EQ(runner.tick().force_N, (Vec3f{0.0f, 0.0f, -0.5f}));
+  ASSERT_EQ(runner.accept(square_model(3, runner.now - 1, kCentre_m)), Status::ok);
+  while (runner.renderer->model_sequence() != 3) (void)runner.tick();
+  ASSERT_EQ(runner.reports.size(), 3u);
+  for (const ModelReport& report : runner.reports) {
+    EXPECT_EQ(report.status, Status::ok);
+    EXPECT_GT(report.swap_tick, report.model_tick);
+  }
+}
+
+TEST(Renderer, AHeldForceIsANumber) {
+  Runner runner;
+  runner.ticks(100);
+  EXPECT_EQ(runner.accept(held_force(1, 50, kNan)), Status::model_not_finite);
+  ASSERT_EQ(runner.accept(held_force(2, 400, 1.0f)), Status::ok);
+  runner.ticks(5);
+  EXPECT_EQ(runner.reports.back().status, Status::model_from_future);
+}
+
+// A model that is not rolled forward takes the state of its own tick for the present one.
+TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
+  Runner runner;
+  runner.ticks(395);
+  auto message = square_model(9, 300, kCentre_m);
+  message.kind = palpate_LocalModel_1_0_KIND_MODES_FROM_NOW;
+  message.state_p.elements[0] = 1e-3f;
+  ASSERT_EQ(runner.accept(message), Status::ok);
+  ServoSample sample;
+  do sample = runner.tick();
+  while ((sample.flags & kModelSwap) == 0 && runner.now < 415);
+  ASSERT_LT(runner.now, 401u);
+  Reference reference(message, tip_at(runner.now - 2));
+  for (int i = 0; i < 400; ++i) {
+    const ContactState<float>& expected = reference.step(tip_at(runner.now - 1));
+    ASSERT_EQ(sample.force_N, expected.force_N) << runner.now;
+    ASSERT_EQ(sample.mode, expected.mode);
+    sample = runner.tick();
+  }
+}
 
 TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   Runner runner;
@@ -348,7 +425,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(message);
   // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 104;
+  constexpr std::size_t kPositionCount = 105;
   ASSERT_EQ(payload[kPositionCount], 12);
   payload[kPositionCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

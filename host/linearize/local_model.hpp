@@ -29,6 +29,9 @@ struct LocalModel {
   Eigen::VectorXd load;  // constant modal force, N / sqrt(kg)
   Eigen::MatrixXd
       basis;  // (3 surface nodes) x modes, 1 / sqrt(kg); row = 3 node + axis; zero for fixed nodes
+  // All degrees of freedom, those below the surface too: displacement = dof_basis q, velocity = dof_basis p.
+  std::vector<int> dof_node, dof_axis;  // the body's number of the node, and the axis, of each row
+  Eigen::MatrixXd dof_basis;            // 1 / sqrt(kg)
   // State.
   Eigen::VectorXd q;  // sqrt(kg) m
   Eigen::VectorXd p;  // sqrt(kg) m / s

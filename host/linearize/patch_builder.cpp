@@ -71,6 +71,9 @@ LocalModel build_subset_model(const Body& body, const BodyState& state, const st
     const auto row = 3 * (found - surface.node.begin()) + tangent.axis[static_cast<std::size_t>(d)];
     model.basis.row(row) = modes.basis_1_sqrt_kg.row(d);
   }
+  model.dof_node = tangent.node;
+  model.dof_axis = tangent.axis;
+  model.dof_basis = modes.basis_1_sqrt_kg;
   model.origin_m = model.position_m.rowwise().mean();
   model.position_m.colwise() -= model.origin_m;
   model.node = std::move(surface.node);

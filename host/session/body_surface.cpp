@@ -124,6 +124,12 @@ void BodySurface::apply(std::uint32_t triangle, const Vec3d& barycentric, const 
   }
 }
 
+void BodySurface::overwrite(int node, int axis, double position_m, double velocity_m_s) {
+  if (drives_.drove(node)) return;
+  state_.position_m(axis, node) = position_m;
+  state_.velocity_m_s(axis, node) = velocity_m_s;
+}
+
 int steps_per_tick(double step_s) {
   const double steps = kTick_s / step_s;
   const double rounded = std::round(steps);

@@ -47,6 +47,9 @@ class BodySurface {
   [[nodiscard]] PointResponse<double> respond(std::uint32_t triangle, const Vec3d& barycentric) const;
   void apply(std::uint32_t triangle, const Vec3d& barycentric, const Vec3d& force_N);
 
+  // Puts a node elsewhere along one axis, with another velocity; one that is driven stays as it is.
+  void overwrite(int node, int axis, double position_m, double velocity_m_s);
+
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] const BodyState& state() const { return state_; }
   [[nodiscard]] const NodeDrives& drives() const { return drives_; }

@@ -83,7 +83,7 @@ class Host {
         if (update.sequence == guess.sequence)
           update.interpolation_error_m = std::max(update.interpolation_error_m, norm(guess.tip_m - truth));
     }
-    if (result_.patch_at_peak.empty()) {
+    if (!has_peak_) {
       result_.state_at_peak = session_.state();
       result_.peak_tick = session_.tick();
     }
@@ -136,7 +136,8 @@ class Host {
     const float* force = update.message.contact.force_N;
     const double force_N = norm(
         Vec3d{static_cast<double>(force[0]), static_cast<double>(force[1]), static_cast<double>(force[2])});
-    if (result_.patch_at_peak.empty() || force_N > peak_N_) {
+    if (!has_peak_ || force_N > peak_N_) {
+      has_peak_ = true;
       peak_N_ = force_N;
       result_.state_at_peak = update.state;
       result_.peak_tick = record.tick;
@@ -175,6 +176,7 @@ class Host {
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
   std::vector<SentModel> sent_;                                  // with a probe only
   ClosedLoopResult result_;
+  bool has_peak_ = false;
   double peak_N_ = 0.0;
   std::uint32_t board_lost_ = 0;  // as the board counts
 };

@@ -41,7 +41,27 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
   pack(contact.overhang_m, message.overhang_m);
 }
 
+void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double>& law,
+                const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+  message = {};
+  message.sequence = stamp.sequence;
+  message.schema_hash = wire::kSchemaHash;
+  message.tick = stamp.tick;
+  message.valid_ticks = stamp.valid_ticks;
+  message.tip_radius_m = narrow(law.tip_radius_m);
+  message.coupling_stiffness_N_m = narrow(law.coupling.stiffness_N_m);
+  message.coupling_damping_N_s_m = narrow(law.coupling.damping_N_s_m);
+  message.tip_source = static_cast<std::uint8_t>(stamp.tip);
+  message.kind = static_cast<std::uint8_t>(kind);
+  pack_contact(contact, message.contact);
+}
+
 }  // namespace
+
+void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
+                     const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+  pack_stamp(stamp, ModelKind::held_force, law, contact, message);
+}
 
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
                 SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
@@ -53,26 +73,17 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   require_at_most(triangles, kMaxTriangles, "triangles");
   require_at_most(3 * nodes * modes, kMaxBasis, "entries of the basis");
 
-  message = {};
-  message.sequence = stamp.sequence;
-  message.schema_hash = wire::kSchemaHash;
-  message.tick = stamp.tick;
-  message.valid_ticks = stamp.valid_ticks;
+  pack_stamp(stamp, stamp.kind, law, contact, message);
   message.modes = static_cast<std::uint16_t>(modes);
   message.nodes = static_cast<std::uint8_t>(nodes);
   message.triangles = static_cast<std::uint8_t>(triangles);
   pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
-  message.tip_radius_m = narrow(law.tip_radius_m);
   message.surface = static_cast<std::uint8_t>(surface);
-  message.coupling_stiffness_N_m = narrow(law.coupling.stiffness_N_m);
-  message.coupling_damping_N_s_m = narrow(law.coupling.damping_N_s_m);
   message.static_friction.count = message.kinetic_friction.count = friction.different().size();
   for (std::size_t i = 0; i < friction.different().size(); ++i) {
     message.static_friction.elements[i] = narrow(friction.different()[i].static_coefficient);
     message.kinetic_friction.elements[i] = narrow(friction.different()[i].kinetic_coefficient);
   }
-  message.tip_source = static_cast<std::uint8_t>(stamp.tip);
-  pack_contact(contact, message.contact);
 
   message.position_m.count = 3 * nodes;
   for (std::size_t i = 0; i < 3 * nodes; ++i)

@@ -16,6 +16,7 @@ struct ModelStamp {
   std::uint32_t tick = 0;
   std::uint16_t valid_ticks = 0;
   TipSource tip = TipSource::counts;
+  ModelKind kind = ModelKind::modes;
 };
 
 // Fills `message`. `friction` and `contact` are those of the full body, `contact` at stamp.tick, its triangle
@@ -26,5 +27,10 @@ struct ModelStamp {
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
                 SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
                 palpate_LocalModel_1_0& message);
+
+// The same for a force that the board is to hold until the next message: contact.force_N, with the mode and
+// place of that contact.
+void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
+                     const ContactState<double>& contact, palpate_LocalModel_1_0& message);
 
 }  // namespace palpate::host

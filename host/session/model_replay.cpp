@@ -6,10 +6,10 @@
 
 namespace palpate::host {
 
-ModelReplay::ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
+ModelReplay::ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m, std::uint32_t tick)
     : message_(std::make_unique<palpate_LocalModel_1_0>(message)),
       renderer_(std::make_unique<firmware::Renderer>(wire::kSchemaHash)),
-      tick_(message.tick) {
+      tick_(tick) {
   std::vector<std::uint8_t> payload(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes);
   std::size_t length = 0;
   Status status = wire::serialize(message, payload, length);
@@ -35,6 +35,26 @@ firmware::ServoSample ModelReplay::step(const Vec3f& tip_m) {
   const firmware::ServoSample sample = renderer_->isr_tick(++tick_, tip_m);
   state_ = *renderer_->model_state();
   return sample;
+}
+
+ContactState<double> ModelReplay::contact() const {
+  const auto widen = [](const Vec3f& v) {
+    return Vec3d{static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
+  };
+  const ContactState<float>* now = renderer_->model_contact();
+  if (now == nullptr) throw std::logic_error("a replay has no contact before its first step");
+  ContactState<double> contact;
+  contact.mode = now->mode;
+  if (now->mode != ContactMode::free) contact.triangle = message_->triangle_id.elements[now->triangle];
+  contact.barycentric = widen(now->barycentric);
+  contact.force_N = widen(now->force_N);
+  contact.normal = widen(now->normal);
+  contact.stretch_m = widen(now->stretch_m);
+  contact.inset_m = static_cast<double>(now->inset_m);
+  contact.overhang_m = widen(now->overhang_m);
+  contact.outside = now->outside;
+  contact.at_border = now->at_border;
+  return contact;
 }
 
 Eigen::Vector3d ModelReplay::surface_node_m(std::size_t node) const {

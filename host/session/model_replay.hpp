@@ -15,13 +15,18 @@ class ModelReplay {
  public:
   // Starts the model at its own tick, with the tip where the board had it then. Throws std::invalid_argument,
   // naming the palpate::Status, for a model that the board would refuse.
-  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m);
+  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
+      : ModelReplay(message, tip_m, message.tick) {}
+  // Starts it at a later tick: kinds that the board does not roll forward.
+  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m, std::uint32_t tick);
 
   // The next servo tick, with the tip where the board had it.
   firmware::ServoSample step(const Vec3f& tip_m);
 
   // Modes at the end of the newest step; before the first one, at the model's tick.
   [[nodiscard]] const ModalState& state() const { return state_; }
+  // Its contact then, on the body's own triangle.
+  [[nodiscard]] ContactState<double> contact() const;
   // A surface node of the model (its index there) at the same time, device frame. Evaluated in double
   // precision from the modes: within 3e-5 of its displacement of what the board's contact sees, which rounds
   // them to 16 bits.

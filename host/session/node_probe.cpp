@@ -42,10 +42,13 @@ std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
     });
     if (active == ticks.end()) continue;  // refused, superseded, or too late
     const auto index = surface_index(model, node);
-    ModelReplay replay(*message, ticks[row_from(ticks, message->tick)].tip_m);
+    // Other kinds begin when they are taken over, with the tip of the tick before.
+    const bool rolled = message->kind == palpate_LocalModel_1_0_KIND_MODES;
+    const std::uint32_t start = rolled ? message->tick : active->tick - 1;
+    ModelReplay replay(*message, ticks[row_from(ticks, start)].tip_m, start);
     // In the background every tick is replayed, with the tip of the next one where a tick was lost; from the
     // swap on the interrupt steps once for each tick that it had.
-    for (std::uint32_t tick = message->tick + 1; tick < active->tick; ++tick)
+    for (std::uint32_t tick = start + 1; tick < active->tick; ++tick)
       (void)replay.step(ticks[row_from(ticks, tick)].tip_m);
     for (auto row = static_cast<std::size_t>(active - ticks.begin()); row < ticks.size(); ++row) {
       if (ticks[row].model_sequence != message->sequence) break;

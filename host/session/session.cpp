@@ -12,7 +12,8 @@ namespace palpate::host {
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
     : body_(body),
       config_(config),
-      surface_(body, std::move(start), config.step_s, config.surface, config.drives, config.friction) {
+      surface_(body, std::move(start), config.step_s, config.surface, config.drives, config.friction),
+      feedback_(make_feedback(config.feedback, config.law)) {
   (void)steps_per_tick(config.step_s);
 }
 
@@ -48,8 +49,8 @@ void Session::advance_body() {
     tick_ = path_.first_tick();
   }
   const std::uint32_t until = path_.complete_tick();
-  for (; tick_ != until; ++tick_)
-    (void)advance_tick(surface_, contact_, config_.law, path_.at(tick_), path_.at(tick_ + 1));
+  feedback_->advance(surface_, contact_, path_, tick_, until);
+  tick_ = until;
   path_.forget_before(tick_);
 }
 
@@ -71,18 +72,37 @@ std::optional<ModelUpdate> Session::update() {
   advance_body();
   if (!first && tick_ == before) return std::nullopt;
   const auto point = focus();
-  if (!point) return std::nullopt;
+  std::optional<ModelUpdate> sent;
+  if (point) sent = feedback_->kind() == ModelKind::held_force ? send_force() : send_model(*point);
+  if (!sent) feedback_->sent_none();
+  return sent;
+}
 
-  const LocalModel model =
-      build_patch(body_, surface_.state(), *point, config_.patch, kTick_s, {}, surface_.drives().upcoming());
-  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
+ModelUpdate Session::begin_update() {
+  ++sequence_;
   ModelUpdate update;
-  pack_model(model, {++sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, config_.surface,
-             surface_.friction(), contact_, update.message);
   update.state = surface_.state();
-  update.patch_nodes = model.node;
   update.interpolated_ticks = std::exchange(interpolated_in_model_, 0);
+  return update;
+}
+
+std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
+  const LocalModel model =
+      build_patch(body_, surface_.state(), focus, config_.patch, kTick_s, {}, surface_.drives().upcoming());
+  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
+  ModelUpdate update = begin_update();
+  pack_model(model, {sequence_, tick_, config_.valid_ticks, config_.tip, feedback_->kind()}, config_.law,
+             config_.surface, surface_.friction(), contact_, update.message);
+  update.patch_nodes = model.node;
   update.damping_coupling = model.damping_coupling;
+  feedback_->sent(model, update.message, surface_.state(), path_.at(tick_));
+  return update;
+}
+
+ModelUpdate Session::send_force() {
+  ModelUpdate update = begin_update();
+  pack_held_force({sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, contact_,
+                  update.message);
   return update;
 }
 

@@ -3,21 +3,25 @@
 // At each update it advances the non-linear body, with the same contact code as the board's, through the
 // servo ticks that have arrived, linearizes it there, reduces it around the tip, and stamps the model with
 // that tick. The full body thus carries every local deformation: the geometry feedback of Jacobs, Fu,
-// Cavusoglu 2010, section 3, done exactly.
+// Cavusoglu 2010, section 3, done exactly. Other schemes of feedback can be had for comparison
+// (feedback.hpp).
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "host/linearize/patch_builder.hpp"
 #include "host/session/body_surface.hpp"
+#include "host/session/feedback.hpp"
 #include "host/session/tip_history.hpp"
 #include "shared/wire/messages.hpp"
 
 namespace palpate::host {
 
 struct SessionConfig {
+  Feedback feedback = Feedback::exact;
   ContactLaw<double> law{};
   TipSource tip = TipSource::counts;
   SurfaceKind surface = SurfaceKind::smooth;
@@ -55,7 +59,7 @@ class Session {
   // interpolated by update().
   [[nodiscard]] std::vector<TickRange> missing() const { return path_.gaps(); }
   // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
-  // or the tip is far away. Throws what the builders throw.
+  // or the tip is far away. Throws what the builders and the feedback throw.
   std::optional<ModelUpdate> update();
 
   [[nodiscard]] const BodyState& state() const { return surface_.state(); }
@@ -74,10 +78,14 @@ class Session {
   [[nodiscard]] std::optional<SurfacePoint> focus() const;
   void interpolate_old_gaps();
   void advance_body();
+  [[nodiscard]] ModelUpdate begin_update();
+  std::optional<ModelUpdate> send_model(const SurfacePoint& focus);
+  ModelUpdate send_force();
 
   const Body& body_;
   SessionConfig config_;
   BodySurface surface_;
+  std::unique_ptr<FeedbackScheme> feedback_;
   ContactState<double> contact_{};
   TipHistory path_;
   bool started_ = false;

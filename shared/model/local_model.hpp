@@ -21,6 +21,14 @@ inline constexpr std::size_t kMaxFrictions = 4;  // different pairs of coefficie
 inline constexpr std::size_t kMaxBasis = 9216;   // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
 inline constexpr std::size_t kCoefficientsPerMode = 6;  // a11 a12 a21 a22 b1 b2
 
+// What a local model is to the board. Values travel over the link (palpate.LocalModel KIND_*): never renumber
+// them.
+enum class ModelKind : std::uint8_t {
+  modes = 0,           // rolled forward from its own tick to now before it is rendered
+  held_force = 1,      // no modes: one force until the next model
+  modes_from_now = 2,  // its state, of an earlier tick, is taken for the present one
+};
+
 // The constant part of a local model, wherever it is stored. Positions in the device frame minus origin_m.
 struct LocalModelView {
   std::size_t modes = 0;

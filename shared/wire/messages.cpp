@@ -32,6 +32,10 @@ constexpr std::size_t kServoSampleBytes = palpate_ServoSample_1_0_SERIALIZATION_
 static_assert(palpate_Contact_1_0_MODE_FREE == static_cast<std::uint8_t>(ContactMode::free));
 static_assert(palpate_Contact_1_0_MODE_STICK == static_cast<std::uint8_t>(ContactMode::stick));
 static_assert(palpate_Contact_1_0_MODE_SLIP == static_cast<std::uint8_t>(ContactMode::slip));
+static_assert(palpate_LocalModel_1_0_KIND_MODES == static_cast<std::uint8_t>(ModelKind::modes));
+static_assert(palpate_LocalModel_1_0_KIND_HELD_FORCE == static_cast<std::uint8_t>(ModelKind::held_force));
+static_assert(palpate_LocalModel_1_0_KIND_MODES_FROM_NOW ==
+              static_cast<std::uint8_t>(ModelKind::modes_from_now));
 static_assert(palpate_LocalModel_1_0_TIP_COUNTS == static_cast<std::uint8_t>(TipSource::counts));
 static_assert(palpate_LocalModel_1_0_TIP_ESTIMATED == static_cast<std::uint8_t>(TipSource::estimated));
 

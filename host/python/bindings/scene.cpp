@@ -199,6 +199,11 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
   config.session.patch = {patch[0], patch[1], patch[2]};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
+  config.session.feedback = choice<host::Feedback>(text(model, "feedback"), "model.feedback",
+                                                   {{"exact", host::Feedback::exact},
+                                                    {"paper", host::Feedback::paper},
+                                                    {"discard", host::Feedback::discard},
+                                                    {"hold", host::Feedback::hold}});
   config.session.drives = read_drives(scene, body);
   config.probe_node = read_probe_node(scene, body);
   for (const nb::handle entry : nb::object(table(scene, "hand")["grip_changes"])) {

@@ -326,6 +326,14 @@ class Model:
         "nodes of the patch [x, y, z] or fewer at a border; 64 at most",
         default=(4, 4, 2),
     )
+    feedback: str = key(
+        Choice(("exact", "paper", "discard", "hold")),
+        "what the full body on the host learns of the contact between two updates; `exact`: it goes through the tip's "
+        "path with the same contact code; `paper`: it moves without the tip and the local model's nodes overwrite its "
+        "own; `discard`: it knows the tip at the updates only, and each local model begins as if it were of the "
+        "present; `hold`: the same without local model, the board holds the force of the newest update",
+        default="exact",
+    )
     valid_ticks: int = key(
         Integer(1, 5000),
         "ticks after the model's own tick for which it may be rendered",
