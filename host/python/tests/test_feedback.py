@@ -109,6 +109,7 @@ def test_geometry_fed_back_takes_the_jumps_out(runs: dict[str, Run]) -> None:
     assert max(jump_N["exact"], jump_N["paper"]) < 0.5 * min(jump_N["discard"], jump_N["hold"]), jump_N
 
 
-def test_the_exact_scheme_is_the_closest(runs: dict[str, Run]) -> None:
+def test_the_exact_scheme_is_closest_of_those_without_jumps(runs: dict[str, Run]) -> None:
+    """The paper's own feedback lets the full body spring back between two updates; a held force is late by one."""
     error = {scheme: runs[scheme][0]["rms_force_error_percent"] for scheme in SCHEMES}
-    assert error["exact"] == min(error.values()), error
+    assert error["exact"] < 0.75 * min(error["paper"], error["hold"]), error
