@@ -8,22 +8,25 @@
 namespace palpate {
 namespace {
 
+constexpr std::size_t kLongest = 193;
+
 TEST(Dot16, IsExactAtTheExtremesAndForOddLengths) {
-  std::array<std::int16_t, 193> a{}, b{};
-  a.fill(-32768);
+  std::array<std::int16_t, 3 * kLongest> rows{};
+  std::array<std::int16_t, kLongest> b{};
+  rows.fill(-32768);
   b.fill(-32768);
-  EXPECT_EQ(dot16(a.data(), b.data(), a.size()), 193LL << 30);
-  EXPECT_EQ(dot16(a.data(), b.data(), 0), 0);
+  for (const std::int64_t sum : dot16_rows(rows.data(), b.data(), kLongest)) EXPECT_EQ(sum, 193LL << 30);
+  for (const std::int64_t sum : dot16_rows(rows.data(), b.data(), 0)) EXPECT_EQ(sum, 0);
   std::mt19937 random(4);
   std::uniform_int_distribution<int> uniform(-32768, 32767);
-  for (std::size_t count = 0; count <= a.size(); ++count) {
-    std::int64_t expected = 0;
-    for (std::size_t i = 0; i < count; ++i) {
-      a[i] = static_cast<std::int16_t>(uniform(random));
-      b[i] = static_cast<std::int16_t>(uniform(random));
-      expected += static_cast<std::int64_t>(a[i]) * b[i];
-    }
-    EXPECT_EQ(dot16(a.data(), b.data(), count), expected);
+  for (std::size_t count = 0; count <= kLongest; ++count) {
+    for (std::int16_t& entry : rows) entry = static_cast<std::int16_t>(uniform(random));
+    for (std::int16_t& entry : b) entry = static_cast<std::int16_t>(uniform(random));
+    std::array<std::int64_t, 3> expected{};
+    for (std::size_t row = 0; row < 3; ++row)
+      for (std::size_t i = 0; i < count; ++i)
+        expected[row] += static_cast<std::int64_t>(rows[row * count + i]) * b[i];
+    EXPECT_EQ(dot16_rows(rows.data(), b.data(), count), expected);
   }
 }
 

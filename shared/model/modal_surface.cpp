@@ -142,12 +142,10 @@ Vec3f ModalSurface::position(std::uint32_t node) {
   constexpr int kShift = 8;
   const float unit = quantum_ * static_cast<float>(1 << kShift);
   const float* rest = model_.position_m + 3 * node;
-  const std::int16_t* row = model_.basis + 3 * node * model_.modes;
+  const auto sum = dot16_rows(model_.basis + 3 * node * model_.modes, quantized_q_.data(), model_.modes);
   Vec3f x;
-  for (std::size_t axis = 0; axis < 3; ++axis, row += model_.modes) {
-    const std::int64_t sum = dot16(row, quantized_q_.data(), model_.modes);
-    x[axis] = rest[axis] + static_cast<float>(static_cast<std::int32_t>(sum >> kShift)) * unit;
-  }
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    x[axis] = rest[axis] + static_cast<float>(static_cast<std::int32_t>(sum[axis] >> kShift)) * unit;
   now_[node] = x;
   now_valid_ |= 1u << node;
   work_ += kWorkOfNode;
