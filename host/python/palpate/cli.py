@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -16,6 +16,7 @@ from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.paths import ROOT, SCENES
 from palpate.scene import Scene, SceneError, load_scene
+from palpate.scene_overrides import parse_override
 from palpate.summary import board_failures, suspicions
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -64,16 +65,34 @@ def build_parser() -> argparse.ArgumentParser:
             "--board", choices=sorted(BOARDS), help="where the firmware runs (default: the scene's)"
         )
 
+    def add_scene(command: argparse.ArgumentParser) -> None:
+        command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+        command.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help="set a key of the scene, as in contact.friction=0.5; may be repeated",
+        )
+
     demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
     add_out(demo, "out/demo")
     add_board(demo)
     run_command = add("run", "run a scene with the firmware in the loop")
-    run_command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_scene(run_command)
     add_out(run_command, "out/<name of the scene>")
     add_board(run_command)
     simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
-    simulate_command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_scene(simulate_command)
     add_out(simulate_command, "out/<name of the scene>")
+    figures = add("reproduce", "repeat the paper's experiments, check its statements and write a report")
+    figures.add_argument(
+        "figures", nargs="*", metavar="FIGURE", help="fig12 ... fig17, or all (default: all)"
+    )
+    add_out(figures, "out/reproduce")
+    figures.add_argument(
+        "--hil", action="store_true", help="the firmware in QEMU (mps2_an386) instead of as a Linux process"
+    )
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
@@ -166,17 +185,21 @@ def _report(arguments: argparse.Namespace, scene: Scene, outcome: Outcome) -> No
         print(json.dumps({**outcome.summary, "files": files}, allow_nan=False))
 
 
-def _output_folder(arguments: argparse.Namespace, scene: Scene) -> Path:
-    folder: Path = arguments.out or ROOT / "out" / scene.file.stem
+def _output_folder(arguments: argparse.Namespace, default: str) -> Path:
+    folder: Path = arguments.out or ROOT / "out" / default
     if folder.exists() and not folder.is_dir():
         raise SceneError(f"--out = {folder}: must be a folder")
     return folder
 
 
+def _load_scene(file: Path, overrides: Sequence[str]) -> Scene:
+    return load_scene(file, dict(parse_override(text) for text in overrides))
+
+
 def _experiment(arguments: argparse.Namespace) -> int:
     is_demo = arguments.command == "demo"
-    scene = load_scene(SCENES / "demo.toml" if is_demo else arguments.scene)
-    folder = _output_folder(arguments, scene)
+    scene = _load_scene(SCENES / "demo.toml", []) if is_demo else _load_scene(arguments.scene, arguments.set)
+    folder = _output_folder(arguments, scene.file.stem)
     if arguments.command != "simulate":
         scene.require_path()
     from palpate import _core  # after the scene is known to be good: bad input is told without it
@@ -196,6 +219,22 @@ def _experiment(arguments: argparse.Namespace) -> int:
     return FAILED if failures else OK
 
 
+def _reproduce(arguments: argparse.Namespace) -> int:
+    from palpate.reproduce import command
+
+    figures = command.select(arguments.figures)
+    folder = _output_folder(arguments, "reproduce")
+    from palpate import _core
+
+    results, report = command.reproduce(_core, figures, folder, arguments.hil, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_results(results), file=table)
+    print(f"report: {_short(report)}", file=table)
+    if arguments.json:
+        print(json.dumps(command.to_dict(results, report), allow_nan=False))
+    return OK if all(result.passed for result in results) else FAILED
+
+
 def _test(arguments: argparse.Namespace) -> int:
     from palpate.testing import run_tests
 
@@ -212,7 +251,7 @@ def main(argv: Sequence[str]) -> int:
     """Runs one command; returns the exit code."""
     arguments = build_parser().parse_args(argv)
     try:
-        return _test(arguments) if arguments.command == "test" else _experiment(arguments)
+        return {"test": _test, "reproduce": _reproduce}.get(arguments.command, _experiment)(arguments)
     except SceneError as error:
         _complain(arguments, str(error))
         return BAD_INPUT

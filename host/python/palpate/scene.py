@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from palpate.scene_checks import check_scene, friction, steps_per_tick
+from palpate.scene_overrides import Overrides, apply_overrides, format_override
 from palpate.scene_schema import Reader, SceneError, read_section
 from palpate.scene_sections import TICK_S, Body, Path, SceneFile
 from palpate.tip_path import Interpolation, TipPath, read_csv
@@ -128,8 +129,11 @@ def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:
     }
 
 
-def load_scene(file: FilePath) -> Scene:
-    """Reads and checks a scene. Raises SceneError: one line that names the file, the key, the value and its range."""
+def load_scene(file: FilePath, overrides: Overrides | None = None) -> Scene:
+    """Reads and checks a scene. Raises SceneError: one line that names the file, the key, the value and its range.
+
+    overrides: keys that are set otherwise than in the file, by dotted name; they stand as comments in the scene's text.
+    """
     reader = Reader(file)
     text = _read_text(file)
     try:
@@ -138,6 +142,9 @@ def load_scene(file: FilePath) -> Scene:
         raise _syntax_error(file, text, str(error)) from None
     except RecursionError:
         raise SceneError(f"{file}: not TOML that can be read: nested too deeply") from None
+    for name, value in (overrides or {}).items():
+        apply_overrides(table, {name: value})
+        text += f"\n# --set {format_override(name, value)}"
     sections = read_section(reader, "", SceneFile, table)
     check_scene(reader, sections)
     path = None if sections.path is None else _load_path(reader, sections.path)

@@ -1,0 +1,86 @@
+"""`palpate reproduce`: from names of figures to results and the report."""
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from palpate.experiment import ProgressBar
+from palpate.reproduce.catalogue import FIGURES
+from palpate.reproduce.figure import PaperFigure
+from palpate.reproduce.report import format_number, format_tolerance, write_report
+from palpate.reproduce.results import FigureResult, evaluate
+from palpate.reproduce.runner import jobs, run_all
+from palpate.scene import SceneError
+
+NATIVE, HIL = "native", "mps2_an386"
+
+
+def select(names: Sequence[str]) -> list[PaperFigure]:
+    """The named figures in the paper's order; none, or `all`: every one. Raises SceneError for an unknown name."""
+    for name in names:
+        if name not in FIGURES and name != "all":
+            raise SceneError(f"palpate reproduce: {name}: unknown figure; must be one of {', '.join(FIGURES)}, all")
+    if not names or "all" in names:
+        return list(FIGURES.values())
+    return [figure for name, figure in FIGURES.items() if name in names]
+
+
+def reproduce(
+    core: Any,
+    figures: Sequence[PaperFigure],
+    out: Path,
+    hil: bool,
+    progress: Callable[[str, str], AbstractContextManager[ProgressBar]],
+) -> tuple[list[FigureResult], Path]:
+    """Runs the figures' scenes, evaluates them, and writes `out`/figNN and the report; returns the results and the
+    report's file. What an earlier run left of these figures goes. Raises SceneError, hil.BoardError, or what the core
+    raises."""
+    board = HIL if hil else NATIVE
+    planned = jobs(figures, out, board)
+    (out / "index.html").unlink(missing_ok=True)
+    for figure in figures:
+        shutil.rmtree(out / figure.name, ignore_errors=True)
+    total = sum(job.ticks for job in planned)
+    counted, lock = 0, Lock()
+    with progress(f"{len(planned)} runs on {board}", "tick") as bar:
+
+        def count(ticks: int) -> None:
+            nonlocal counted
+            with lock:
+                counted += ticks
+                bar(counted, total)
+
+        done = run_all(core, planned, max(1, len(os.sched_getaffinity(0))), count)
+    results = []
+    with progress("figures", "figure") as bar:
+        for i, figure in enumerate(figures):
+            own = [run for run in done if run.job.figure == figure.name]
+            results.append(evaluate(figure, own, out / figure.name))
+            bar(i + 1, len(figures))
+    return results, write_report(out / "index.html", results, hil)
+
+
+def format_results(results: Sequence[FigureResult]) -> str:
+    """The checks for a person: a line for each figure, and one for each of its numbers."""
+    lines = []
+    for result in results:
+        lines.append(f"{result.figure.name}  {result.figure.title}: {'pass' if result.passed else 'FAIL'}")
+        for check in result.checks:
+            verdict = {True: "pass", False: "FAIL", None: "-"}[check.passed]
+            tolerance = format_tolerance(check)
+            value = f"{format_number(check.measured)}{f' {check.unit}' if check.unit else ''}"
+            lines.append(f"  {verdict:<5}{check.name}: {value}{f' ({tolerance})' if tolerance else ''}")
+    return "\n".join(lines)
+
+
+def to_dict(results: Sequence[FigureResult], report: Path) -> dict[str, Any]:
+    """What `--json` prints: the results of the figures by name, whether all passed, and the report's file."""
+    return {
+        "pass": all(result.passed for result in results),
+        "figures": {result.figure.name: result.to_dict() for result in results},
+        "report": str(report),
+    }

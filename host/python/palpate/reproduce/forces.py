@@ -1,0 +1,51 @@
+"""Forces of a record, split in the normal that the board used."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.figures import split_force
+from palpate.reproduce.figure import Record
+
+TICK_S = 1e-3
+FREE, STICK, SLIP = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Per tick: time, contact mode, pressing part of the force and length of the tangential part. All (n,)."""
+
+    time_s: NDArray[np.float64]
+    mode: NDArray[Any]
+    normal_N: NDArray[np.float64]
+    tangential_N: NDArray[np.float64]
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Ticks with contact."""
+        return self.mode != FREE
+
+
+def contact_forces(record: Record) -> ContactForces:
+    """The rendered force of each tick, normal and tangential in the contact normal that the board used."""
+    mode = record["ticks/contact_mode"]
+    normal_N, tangential_N = split_force(
+        record["ticks/force_N"].astype(np.float64), record["ticks/normal"].astype(np.float64)
+    )
+    return ContactForces(time_s(record), mode, normal_N, tangential_N)
+
+
+def time_s(record: Record) -> NDArray[np.float64]:
+    """Virtual time of each tick."""
+    times: NDArray[np.float64] = record["ticks/tick"].astype(np.float64) * TICK_S
+    return times
+
+
+def largest_ratio(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> float:
+    """Largest quotient; 0 / 0 counts as 0, anything else over 0 as infinite. 0 for empty arrays."""
+    ratio = np.divide(
+        numerator, denominator, out=np.where(numerator > 0.0, np.inf, 0.0), where=denominator > 0.0
+    )
+    return float(ratio.max(initial=0.0))

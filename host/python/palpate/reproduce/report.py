@@ -1,0 +1,153 @@
+"""The report of `palpate reproduce`: one HTML page that needs no other file."""
+
+import base64
+import html
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from palpate import __version__
+from palpate.reproduce.checks import Check
+from palpate.reproduce.figure import Run
+from palpate.reproduce.results import FigureResult
+from palpate.scene_overrides import format_override
+
+_STYLE = """
+:root { color-scheme: light; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 52rem; padding: 1rem; color: #1b1f23; background: #fff;
+       font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
+h1 { font-size: 1.6rem; line-height: 1.25; margin: .5rem 0; }
+h2 { font-size: 1.25rem; line-height: 1.3; margin: 2.5rem 0 .5rem; padding-top: 1rem; border-top: 1px solid #d0d7de; }
+p { margin: .6rem 0; }
+blockquote { margin: .8rem 0; padding: .1rem 1rem; border-left: 4px solid #9cc3ea; color: #444; }
+figure { margin: 1rem 0; }
+img { width: 100%; height: auto; }
+figcaption { font-size: .9rem; color: #555; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; width: 100%; font-size: .88rem; }
+th, td { text-align: left; vertical-align: top; padding: .4rem .5rem; border-bottom: 1px solid #e4e8ec; }
+th { border-bottom: 2px solid #c4ccd4; white-space: nowrap; }
+td.number { white-space: nowrap; font-variant-numeric: tabular-nums; }
+.pass, .fail, .only { font-weight: 600; white-space: nowrap; }
+.pass { color: #1a7f37; } .fail { color: #b3261e; } .only { color: #6b6b6b; font-weight: 400; }
+code, pre { font-family: ui-monospace, "DejaVu Sans Mono", Menlo, monospace; font-size: .82rem; }
+pre { background: #f4f6f8; padding: .6rem .8rem; overflow-x: auto; border-radius: 4px; }
+a { color: #17508f; }
+@media (max-width: 40rem) {
+  .checks thead { display: none; }
+  .checks tr { display: block; padding: .5rem 0; border-bottom: 1px solid #d0d7de; }
+  .checks td { display: block; border: 0; padding: .1rem 0; white-space: normal; }
+  .checks td[data-label]::before { content: attr(data-label) ": "; color: #6b6b6b; }
+}
+"""
+
+_PAPER = (
+    "P. Jacobs, M. J. Fu and M. C. Çavuşoğlu, <cite>High Fidelity Haptic Rendering of Frictional Contact with "
+    "Deformable Objects in Virtual Environments using Multi-rate Simulation</cite>, International Journal of Robotics "
+    "Research 29(14), 2010"
+)
+
+
+def write_report(file: Path, results: Sequence[FigureResult], hil: bool) -> Path:
+    """Writes the page; images are inside it. Returns `file`."""
+    parts = [_head(results, hil), *(_section(result, hil) for result in results), "</body></html>\n"]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("\n".join(parts), encoding="utf-8")
+    return file
+
+
+def format_number(value: float | int) -> str:
+    """Four significant digits; whole numbers as they are."""
+    if isinstance(value, int):
+        return f"{value:,}"
+    if math.isnan(value):
+        return "none"
+    return f"{value:,.4g}"
+
+
+def format_tolerance(check: Check) -> str:
+    """The bounds in words; empty without any."""
+    bounds = [("at least", check.at_least), ("at most", check.at_most)]
+    return ", ".join(f"{words} {bound:.7g}" for words, bound in bounds if bound is not None)
+
+
+def format_command(run: Run, hil: bool) -> str:
+    """The command that repeats one run."""
+    board = "mps2_an386" if hil else "native"
+    overrides = "".join(f" --set '{format_override(*item)}'" for item in run.overrides.items())
+    return f"./run run scenes/reproduce/{run.scene}.toml --board {board}{overrides}"
+
+
+def _verdict(passed: bool | None) -> str:
+    name, text = {True: ("pass", "pass"), False: ("fail", "FAIL"), None: ("only", "reported")}[passed]
+    return f'<span class="{name}">{text}</span>'
+
+
+def _head(results: Sequence[FigureResult], hil: bool) -> str:
+    where = (
+        "in QEMU, an emulated Cortex-M4F" if hil else "as a Linux process, whose arithmetic is that of the board"
+    )
+    rows = "".join(
+        f'<tr><td><a href="#{result.figure.name}">Figure {result.figure.name[3:]}</a></td>'
+        f"<td>{html.escape(result.figure.title)}</td><td>{_count(result)}</td><td>{_verdict(result.passed)}</td></tr>"
+        for result in results
+    )
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>The paper’s figures, reproduced</title><style>{_STYLE}</style></head><body>
+<h1>The paper’s figures, reproduced</h1>
+<p>{_PAPER}: the experiments of sections 5 and 6.1, run again with palpate {html.escape(__version__)}. The firmware ran
+{where}, a thousand ticks a second of virtual time, against a simulated arm; the full body and the local models came
+from the host at 30 Hz. All of it repeats to the bit.</p>
+<p>The paper prints its curves as pictures, without data, mesh constants or the motion of the hand. So its
+<em>statements</em> are compared here, not its curves: each row below holds one number against a sentence of the paper,
+with a tolerance and the reason for it. Where the paper gives no number, the row says so. The material is not the
+paper’s, which it does not state: masses of 1 g, springs of 100 N/m, 1 cm apart, critically damped.</p>
+<div class="wide"><table><thead><tr><th>Figure</th><th>Experiment</th><th>Checks passed</th><th></th></tr></thead>
+<tbody>{rows}</tbody></table></div>"""
+
+
+def _count(result: FigureResult) -> str:
+    judged = [check.passed for check in result.checks if check.passed is not None]
+    return f"{sum(judged)} of {len(judged)}"
+
+
+def _section(result: FigureResult, hil: bool) -> str:
+    figure = result.figure
+    number = figure.name[3:]
+    claims = "".join(
+        f"<blockquote><p>“{html.escape(text)}” (section {section})</p></blockquote>"
+        for text, section in figure.claims
+    )
+    setting = "".join(f"<p>{html.escape(text)}</p>" for text in figure.setting)
+    image = base64.b64encode(result.plot.read_bytes()).decode("ascii")
+    commands = "\n".join(html.escape(format_command(run, hil)) for run in figure.runs)
+    whole = f"./run reproduce {figure.name}" + (" --hil" if hil else "")
+    scenes = ", ".join(dict.fromkeys(f"<code>scenes/reproduce/{run.scene}.toml</code>" for run in figure.runs))
+    return f"""<section id="{figure.name}">
+<h2>Figure {number}. {html.escape(figure.title)} {_verdict(result.passed)}</h2>
+<p>What the paper states:</p>{claims}
+<p>What was done here:</p>{setting}
+<figure><img alt="Our Figure {number}: {html.escape(figure.caption)}" src="data:image/png;base64,{image}">
+<figcaption>{html.escape(figure.caption)}</figcaption></figure>
+<div class="wide checks"><table><thead><tr><th>Number</th><th>Measured</th><th>Tolerance</th><th></th>
+<th>Paper, and reason of the tolerance</th></tr></thead><tbody>
+{"".join(map(_row, result.checks))}
+</tbody></table></div>
+<p>Scene: {scenes}. This figure: <code>{whole}</code>. Its runs one by one:</p>
+<pre>{commands}</pre>
+</section>"""
+
+
+def _row(check: Check) -> str:
+    unit = f" {html.escape(check.unit)}" if check.unit else ""
+    tolerance = format_tolerance(check)
+    shown = f'<td class="number" data-label="Tolerance">{tolerance}{unit}</td>' if tolerance else "<td></td>"
+    return (
+        f"<tr><td><strong>{html.escape(check.name)}</strong></td>"
+        f'<td class="number" data-label="Measured">{format_number(check.measured)}{unit}</td>{shown}'
+        f"<td>{_verdict(check.passed)}</td>"
+        f"<td>Paper: {html.escape(check.paper_states)}. Tolerance: {html.escape(check.reason)}.</td></tr>\n"
+    )

@@ -1,0 +1,82 @@
+"""Results of a figure: its checks, those of its runs, and results.json."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate.reproduce.checks import NO_NUMBER, Check, all_passed
+from palpate.reproduce.figure import PaperFigure
+from palpate.reproduce.runner import Done
+
+
+@dataclass(frozen=True)
+class FigureResult:
+    """A figure with what came out. plot: PNG file; summaries: summary.json of each run, by its name."""
+
+    figure: PaperFigure
+    checks: list[Check]
+    plot: Path
+    summaries: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def passed(self) -> bool:
+        """No check failed."""
+        return all_passed(self.checks)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of results.json."""
+        return {
+            "figure": self.figure.name,
+            "title": self.figure.title,
+            "pass": self.passed,
+            "checks": [check.to_dict() for check in self.checks],
+            "runs": [
+                {
+                    "name": run.name,
+                    "scene": f"scenes/reproduce/{run.scene}.toml",
+                    "overrides": dict(run.overrides),
+                    "board": self.summaries[run.name]["board"],
+                    "record_hash": self.summaries[run.name]["record_hash"],
+                    "folder": run.name,
+                }
+                for run in self.figure.runs
+            ],
+        }
+
+
+def run_checks(done: Sequence[Done]) -> list[Check]:
+    """What must hold in every run, or its numbers mean nothing."""
+    return [
+        Check(
+            "faults of the board, missed deadlines and lost frames in all runs",
+            NO_NUMBER,
+            sum(
+                int(run.summary["faults"] != 0)
+                + int(run.summary["missed_deadlines"])
+                + int(run.summary["frames_lost"])
+                for run in done
+            ),
+            "",
+            "none: the runs must be what their scenes say",
+            at_most=0,
+        )
+    ]
+
+
+def evaluate(figure: PaperFigure, done: Sequence[Done], folder: Path) -> FigureResult:
+    """Checks and plot of a figure; writes plot.png and, last, results.json to its folder. done: its runs."""
+    records = {run.job.run.name: run.record for run in done}
+    plot = folder / "plot.png"
+    figure.draw(records, plot)
+    result = FigureResult(
+        figure,
+        [*figure.checks(records), *run_checks(done)],
+        plot,
+        {run.job.run.name: run.summary for run in done},
+    )
+    (folder / "results.json").write_text(
+        json.dumps(result.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    return result
