@@ -1,8 +1,8 @@
-"""The figures that can be reproduced."""
+"""The figures that can be reproduced, in the paper's order."""
 
-from palpate.reproduce import fig14, fig15, fig16
+from palpate.reproduce import fig12, fig13, fig14, fig15, fig16, fig17
 from palpate.reproduce.figure import PaperFigure
 
 FIGURES: dict[str, PaperFigure] = {
-    figure.name: figure for figure in (fig14.FIGURE, fig15.FIGURE, fig16.FIGURE)
+    module.FIGURE.name: module.FIGURE for module in (fig12, fig13, fig14, fig15, fig16, fig17)
 }

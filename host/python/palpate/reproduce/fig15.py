@@ -1,28 +1,22 @@
 """Figure 15: dragging with pure sticking (section 5.3)."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
-from palpate.reproduce.figure import PaperFigure, Record, Records, Run
-from palpate.reproduce.forces import STICK, contact_forces, largest_ratio
+from palpate.reproduce.figure import PaperFigure, Records, Run
+from palpate.reproduce.forces import STICK, contact_forces, dragging, largest_ratio
 
 SMALLEST_STICKING_SHARE = 0.99
 # "Often": more often than not.
 SMALLEST_SHARE_ABOVE_NORMAL = 0.5
-# The hand counts as dragging while its target moves sideways faster than this: far below the drag's 5 to 15 mm/s.
-_DRAG_SPEED_M_S = 1e-3
 
 
-def dragging(record: Record) -> np.ndarray:
-    """Ticks in which the hand means to move sideways. (n,) of bool."""
-    step_m = np.diff(record["ticks/hand_target_m"][:, :2], axis=0, prepend=record["ticks/hand_target_m"][:1, :2])
-    return np.asarray(np.linalg.norm(step_m, axis=1) > 1e-3 * _DRAG_SPEED_M_S)
-
-
-def _share(of: np.ndarray, among: np.ndarray) -> float:
+def _share(of: NDArray[Any], among: NDArray[Any]) -> float:
     return float(np.mean(of[among])) if np.any(among) else float("nan")
 
 

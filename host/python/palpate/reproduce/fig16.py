@@ -1,8 +1,10 @@
 """Figure 16: dragging with sticking and frictional sliding (section 5.4)."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
@@ -16,12 +18,12 @@ _ROUNDING = 1e-6
 _DROP_TICKS = 20
 
 
-def slip_events(forces: ContactForces) -> np.ndarray:
+def slip_events(forces: ContactForces) -> NDArray[Any]:
     """Last sticking tick before each slip. (events,) indices of ticks."""
     return np.flatnonzero((forces.mode[:-1] == STICK) & (forces.mode[1:] == SLIP))
 
 
-def drops_N(forces: ContactForces) -> np.ndarray:
+def drops_N(forces: ContactForces) -> NDArray[Any]:
     """At each slip event, by how much the tangential force falls from the last sticking tick to its least value in the
     slip that follows, over 20 ms at most. (events,); negative where it only rises."""
     drops = []
@@ -34,18 +36,18 @@ def drops_N(forces: ContactForces) -> np.ndarray:
     return np.array(drops, dtype=np.float64)
 
 
-def relative_drops(forces: ContactForces) -> np.ndarray:
+def relative_drops(forces: ContactForces) -> NDArray[Any]:
     """The same, relative to the tangential force before. (events,)"""
     before_N = forces.tangential_N[slip_events(forces)]
     drops = drops_N(forces)
     return np.divide(drops, before_N, out=np.zeros_like(drops), where=before_N > 0.0)
 
 
-def _median(values: np.ndarray) -> float:
+def _median(values: NDArray[Any]) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-def _ratio(forces: ContactForces, ticks: np.ndarray) -> float:
+def _ratio(forces: ContactForces, ticks: NDArray[Any]) -> float:
     return largest_ratio(forces.tangential_N[ticks], forces.normal_N[ticks])
 
 

@@ -11,6 +11,8 @@ from palpate.reproduce.figure import Record
 
 TICK_S = 1e-3
 FREE, STICK, SLIP = 0, 1, 2
+# The hand counts as dragging while its target moves sideways faster than this: far below the 5 to 20 mm/s of a drag.
+_DRAG_SPEED_M_S = 1e-3
 
 
 @dataclass(frozen=True)
@@ -49,3 +51,10 @@ def largest_ratio(numerator: NDArray[np.float64], denominator: NDArray[np.float6
         numerator, denominator, out=np.where(numerator > 0.0, np.inf, 0.0), where=denominator > 0.0
     )
     return float(ratio.max(initial=0.0))
+
+
+def dragging(record: Record) -> NDArray[np.bool_]:
+    """Ticks in which the hand means to move sideways. (n,)"""
+    target_m = record["ticks/hand_target_m"][:, :2]
+    step_m = np.diff(target_m, axis=0, prepend=target_m[:1])
+    return np.asarray(np.linalg.norm(step_m, axis=1) > _DRAG_SPEED_M_S * TICK_S)
