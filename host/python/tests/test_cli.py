@@ -1,6 +1,7 @@
 """The command line: help, version, wrong usage, reports, and the order of the test stages."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -33,8 +34,8 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 def test_help_lists_the_commands() -> None:
     done = palpate("--help")
     assert done.returncode == 0
-    for command in ("demo", "run", "simulate", "test"):
-        assert f"\n    {command} " in done.stdout
+    for command in ("demo", "run", "simulate", "reproduce", "test"):
+        assert re.search(rf"\n    {command}\s", done.stdout)
         assert palpate(command, "--help").returncode == 0
 
 

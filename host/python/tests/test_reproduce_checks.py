@@ -200,8 +200,8 @@ STEP_N = 0.02 * 2.0 * np.pi * SWING_HZ / 30.0
 
 def figure_12(**others: dict[str, Array]) -> list[Check]:
     smooth = swing(1.0, 0.1 * STEP_N)
-    records = {"exact": smooth, "paper": smooth, "hold": STAIR, "small": smooth, "fast": STAIR, "fast_hold": STAIR}
-    return fig12.checks({**records, **others})
+    records = dict.fromkeys(("exact", "paper", "discard", "small"), smooth)
+    return fig12.checks({**records, **dict.fromkeys(("hold", "fast", "fast_hold"), STAIR), **others})
 
 
 def test_figure_12_passes_where_multi_rate_jumps_less() -> None:
@@ -216,7 +216,7 @@ def test_figure_12_fails_on_large_jumps_and_errors() -> None:
         "multi-rate: largest jump relative to that of global 30 Hz"
     ]
     assert len(failed(figure_12(paper=STAIR))) == 1
-    assert len(failed(figure_12(paper=swing(100.0)))) == 2
+    assert len(failed(figure_12(exact=swing(100.0)))) == 2
 
 
 # ---- figure 13
@@ -239,7 +239,7 @@ def wave(delay_ms: int, scale: float = 1.0, mode: int = 0) -> dict[str, Array]:
 
 @pytest.mark.parametrize("delay_ms", [-20, 0, 33])
 def test_figure_13_finds_the_delay_and_what_remains(delay_ms: int) -> None:
-    checks = fig13.checks({"local": wave(delay_ms), "small": wave(delay_ms)})
+    checks = fig13.checks({"local": wave(delay_ms), "small": wave(delay_ms), "discard": wave(30)})
     rows = {check.name: check for check in checks}
     assert rows["delay of the local model behind the global one at 1 kHz"].measured == delay_ms
     late = rows["delay of the local model behind the global one at 30 Hz, held"].measured
@@ -250,20 +250,27 @@ def test_figure_13_finds_the_delay_and_what_remains(delay_ms: int) -> None:
 
 
 def test_figure_13_fails_on_delay_disagreement_and_touch() -> None:
-    late = failed(fig13.checks({"local": wave(60), "small": wave(0)}))
+    late = failed(fig13.checks({"local": wave(60), "small": wave(0), "discard": wave(30)}))
     assert "delay of the local model behind the global one at 1 kHz" in late
-    assert len(failed(fig13.checks({"local": wave(0, scale=1.2), "small": wave(0)}))) == 1
-    assert failed(fig13.checks({"local": wave(0, mode=1), "small": wave(0)})) == ["ticks with contact"]
+    assert len(failed(fig13.checks({"local": wave(0, scale=1.2), "small": wave(0), "discard": wave(30)}))) == 1
+    assert failed(fig13.checks({"local": wave(0, mode=1), "small": wave(0), "discard": wave(30)})) == ["ticks with contact"]
 
 
 # ---- figure 17
 
 
+CUT = -1.0
+
+
 def trembling(amplitude_m: float, frequency_Hz: float = 12.0) -> dict[str, Array]:
-    """A tip that drifts slowly by 1 mm and trembles with this amplitude, peak to peak."""
+    """A tip that drifts slowly by 1 mm and trembles with this amplitude, peak to peak; CUT: the board faults."""
     time_s = 1e-3 * np.arange(4000)
     height_m = 1e-3 * time_s / 4.0 + 0.5 * amplitude_m * np.sin(2.0 * np.pi * frequency_Hz * time_s)
-    return {"ticks/tick": np.arange(4000), "ticks/true_tip_m": height_m[:, None] * UP}
+    return {
+        "ticks/tick": np.arange(4000),
+        "ticks/true_tip_m": height_m[:, None] * UP,
+        "ticks/faults": np.where(time_s < 2.0, 0, 16 * (amplitude_m == CUT)),
+    }
 
 
 def figure_17(without_m: dict[float, float], with_m: dict[float, float]) -> list[Check]:
@@ -285,8 +292,16 @@ def test_figure_17_passes_where_only_the_held_force_oscillates() -> None:
     checks = figure_17({0.1: 2e-3, 0.03: 4e-3}, {0.1: 2e-5})
     rows = {check.name: check.measured for check in checks}
     assert failed(checks) == []
-    assert rows["without: largest grip that oscillates"] == 0.1
-    assert np.isnan(rows["with: largest grip that oscillates"])
+    assert rows["without: largest grip that oscillates or is cut"] == 0.1
+    assert np.isnan(rows["with: largest grip that oscillates or is cut"])
+
+
+def test_a_run_that_was_cut_is_unstable_and_has_no_amplitude() -> None:
+    checks = figure_17({0.2: CUT, 0.1: 2e-3}, {})
+    rows = {check.name: check.measured for check in checks}
+    assert failed(checks) == []
+    assert rows["without: largest grip that oscillates or is cut"] == 0.2
+    assert len(failed(figure_17({0.1: 2e-3}, {0.1: CUT}))) == 1
 
 
 def test_figure_17_fails_where_both_or_none_oscillate() -> None:

@@ -20,11 +20,13 @@ SCENE_FOLDER = SCENES / "reproduce"
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a scene in scenes/reproduce. overrides: keys of the scene that it sets otherwise."""
+    """One run of a scene in scenes/reproduce. overrides: keys of the scene that it sets otherwise. may_fault: the board
+    may cut the motors, which then is a result."""
 
     name: str
     scene: str
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    may_fault: bool = False
 
     @property
     def file(self) -> Path:
