@@ -12,6 +12,7 @@ from palpate.reproduce.forces import time_s
 from palpate.reproduce.signals import held, largest_jump, rms
 
 GLOBAL_RATE_HZ = 30.0
+_MILLI = 1e3
 # "Much lower than the height of the stair step": at most half of it.
 LARGEST_JUMP_RATIO = 0.5
 # Release in the scene, and the time after which a model on the board knows of it: a frame, and its way to the board.
@@ -48,18 +49,19 @@ def checks(records: Records) -> list[Check]:
     sampled_N = held(reference_N, exact["ticks/tick"], GLOBAL_RATE_HZ)
     steps = largest_jump(sampled_N, reference_N, part)
     swing_N = float(np.ptp(np.linalg.norm(reference_N[part], axis=1)))
+    held_error_N = rms_error_N(hold)
     stair, height = jump_N(hold), "this method results in a large discontinuity after every global update"
     much_lower = "the magnitude of the jump is much lower than the height of the stair-step discontinuity"
     base = "the global model at 1 kHz provides the most accurate output"
     half = f"{NO_NUMBER}: “much lower” is taken as at most half"
     rows = [
-        Check("global 1 kHz: swing of the force", base, swing_N, "N", "reported only: the size of what is compared"),
-        Check("global 30 Hz, held: largest jump", height, stair, "N", "reported only: the height of the stair step"),
+        Check("global 1 kHz: swing of the force", base, _MILLI * swing_N, "mN", "reported only: the size of what is compared"),
+        Check("global 30 Hz, held: largest jump", height, _MILLI * stair, "mN", "reported only: the stair step"),
         Check(
             "global 1 kHz sampled at 30 Hz without delay: largest jump",
             height,
-            steps,
-            "N",
+            _MILLI * steps,
+            "mN",
             "reported only: the height of an ideal stair step",
         ),
     ]
@@ -74,7 +76,7 @@ def checks(records: Records) -> list[Check]:
                 at_most=LARGEST_JUMP_RATIO,
             )
         )
-    rows.append(Check("multi-rate: largest jump", much_lower, jump_N(exact), "N", "reported only"))
+    rows.append(Check("multi-rate: largest jump", much_lower, _MILLI * jump_N(exact), "mN", "reported only"))
     rows.append(
         Check(
             "multi-rate, local model discarded: largest jump relative to that of global 30 Hz",
@@ -94,24 +96,24 @@ def checks(records: Records) -> list[Check]:
             "reported only: the paper’s figure has a patch of 4x4x4",
         )
     )
-    rows.append(Check("global 30 Hz, held: rms error", base, rms_error_N(hold), "N", "reported only"))
+    rows.append(Check("global 30 Hz, held: rms error", base, _MILLI * held_error_N, "mN", "reported only"))
     rows.append(
         Check(
-            "multi-rate: rms error",
+            "multi-rate: rms error relative to that of global 30 Hz",
             "the multi-rate simulation follows the tangent behavior of the system between each global update",
-            rms_error_N(exact),
-            "N",
-            f"{NO_NUMBER}: less than that of global 30 Hz",
-            at_most=rms_error_N(hold),
+            rms_error_N(exact) / held_error_N if held_error_N > 0.0 else float("nan"),
+            "",
+            f"{NO_NUMBER}: a better curve than the stair step",
+            at_most=1.0,
         )
     )
     for record, name in ((as_in_paper, "the paper’s feedback"), (discard, "local model discarded")):
         rows.append(
             Check(
-                f"multi-rate, {name}: rms error",
+                f"multi-rate, {name}: rms error relative to that of global 30 Hz",
                 NO_NUMBER,
-                rms_error_N(record),
-                "N",
+                rms_error_N(record) / held_error_N if held_error_N > 0.0 else float("nan"),
+                "",
                 "reported only: the paper claims lower jumps, not a smaller error, and shows no error",
             )
         )
@@ -167,9 +169,10 @@ FIGURE = PaperFigure(
     claims=(
         (
             "The global model running at 1 kHz provides the most accurate output; the force follows a smooth sinusoidal "
-            "curve. The global model running at 30 Hz exhibits the same approximate behavior, but the force output shows "
-            "a stair-step pattern. The multi-rate simulation follows the tangent behavior of the system between each "
-            "global update. The magnitude of the jump is much lower than the height of the stair-step discontinuity.",
+            "curve […]. The global model running at 30 Hz exhibits the same approximate behavior, but the force output "
+            "shows a stair-step pattern […]. The multi-rate simulation follows the tangent behavior of the system "
+            "between each global update. […] the magnitude of the jump is much lower than the height of the stair-step "
+            "discontinuity […].",
             "5.1",
         ),
     ),
@@ -185,7 +188,9 @@ FIGURE = PaperFigure(
         "reference material.",
         "“Multi-rate” is our way: the full body goes through the same contact as the board. “The paper’s feedback” "
         "overwrites the patch’s nodes in the full body with those of the board; “discarded” is the basic scheme of "
-        "section 2, in which the full body learns no more than where the instrument is.",
+        "section 2, in which the full body learns no more than where the instrument is. The paper’s feedback has jumps as small as "
+        "ours, but its curve departs from the global one: between two overwrites the full body moves without the "
+        "instrument.",
     ),
     caption="Force on the instrument; below, enlarged. Dotted: global model at 1 kHz; dashed: at 30 Hz, held; solid: "
     "multi-rate.",

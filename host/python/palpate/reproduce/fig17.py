@@ -173,7 +173,7 @@ def draw(records: Records, file: Path) -> None:
         fontsize=8,
     )
     above.set(xlabel="time [s]", ylabel="height of the\ntip [mm]")
-    plot.legend(above, place="upper left")
+    plot.legend(above, place="lower left")
     below.axhline(1e3 * LARGEST_CALM_M, color=plot.GREY, linewidth=0.8, linestyle="--")
     below.set(xscale="log", yscale="log", xlabel="grip after loosening", ylabel="oscillation, peak\nto peak [mm]")
     below.set_xticks(places, [f"{each:g}" if each > 0.0 else "released" for each in GRIPS])
@@ -194,7 +194,7 @@ FIGURE = PaperFigure(
     title="Oscillation when the operator loosens the grip",
     claims=(
         (
-            "When the local linear approximation was not used, the haptic interface tended to have oscillatory behavior "
+            "[…] when the local linear approximation was not used, the haptic interface tended to have oscillatory behavior "
             "when the operator loosens his/her grip (Figure 17). This oscillatory behavior was not present with the "
             "local linear approximation even when the operator completely released the instrument.",
             "6.1",

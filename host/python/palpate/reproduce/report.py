@@ -29,6 +29,7 @@ table { border-collapse: collapse; width: 100%; font-size: .88rem; }
 th, td { text-align: left; vertical-align: top; padding: .4rem .5rem; border-bottom: 1px solid #e4e8ec; }
 th { border-bottom: 2px solid #c4ccd4; white-space: nowrap; }
 td.number { white-space: nowrap; font-variant-numeric: tabular-nums; }
+.why { color: #57606a; }
 .pass, .fail, .only { font-weight: 600; white-space: nowrap; }
 .pass { color: #1a7f37; } .fail { color: #b3261e; } .only { color: #6b6b6b; font-weight: 400; }
 code, pre { font-family: ui-monospace, "DejaVu Sans Mono", Menlo, monospace; font-size: .82rem; }
@@ -104,7 +105,8 @@ from the host at 30 Hz. All of it repeats to the bit.</p>
 <p>The paper prints its curves as pictures, without data, mesh constants or the motion of the hand. So its
 <em>statements</em> are compared here, not its curves: each row below holds one number against a sentence of the paper,
 with a tolerance and the reason for it. Where the paper gives no number, the row says so. The material is not the
-paper’s, which it does not state: masses of 1 g, springs of 100 N/m, 1 cm apart, critically damped.</p>
+paper’s, which it does not state: masses of 1 g, springs of 100 N/m, 1 cm apart, critically damped (but for Figures 12 and
+13).</p>
 <div class="wide"><table><thead><tr><th>Figure</th><th>Experiment</th><th>Checks passed</th><th></th></tr></thead>
 <tbody>{rows}</tbody></table></div>"""
 
@@ -132,8 +134,8 @@ def _section(result: FigureResult, hil: bool) -> str:
 <p>What was done here:</p>{setting}
 <figure><img alt="Our Figure {number}: {html.escape(figure.caption)}" src="data:image/png;base64,{image}">
 <figcaption>{html.escape(figure.caption)}</figcaption></figure>
-<div class="wide checks"><table><thead><tr><th>Number</th><th>Measured</th><th>Tolerance</th><th></th>
-<th>Paper, and reason of the tolerance</th></tr></thead><tbody>
+<div class="wide checks"><table><thead><tr><th>Number, what the paper says of it, why this tolerance</th><th>Measured</th>
+<th>Tolerance</th><th></th></tr></thead><tbody>
 {"".join(map(_row, result.checks))}
 </tbody></table></div>
 <p>Scene: {scenes}. This figure: <code>{whole}</code>. Its runs one by one:</p>
@@ -144,10 +146,11 @@ def _section(result: FigureResult, hil: bool) -> str:
 def _row(check: Check) -> str:
     unit = f" {html.escape(check.unit)}" if check.unit else ""
     tolerance = format_tolerance(check)
+    why = f"Tolerance: {check.reason}" if tolerance else check.reason[0].upper() + check.reason[1:]
     shown = f'<td class="number" data-label="Tolerance">{tolerance}{unit}</td>' if tolerance else "<td></td>"
     return (
-        f"<tr><td><strong>{html.escape(check.name)}</strong></td>"
+        f'<tr><td><strong>{html.escape(check.name)}</strong><br><span class="why">Paper: '
+        f"{html.escape(check.paper_states)}. {html.escape(why)}.</span></td>"
         f'<td class="number" data-label="Measured">{format_number(check.measured)}{unit}</td>{shown}'
-        f"<td>{_verdict(check.passed)}</td>"
-        f"<td>Paper: {html.escape(check.paper_states)}. Tolerance: {html.escape(check.reason)}.</td></tr>\n"
+        f"<td>{_verdict(check.passed)}</td></tr>\n"
     )
