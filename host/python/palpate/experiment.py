@@ -216,19 +216,18 @@ def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], 
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
     mode = values["ticks/contact_mode"]
-    normal = np.where((mode != 0)[:, None], values["ticks/normal"], np.nan)
     reference = None
     if "reference/force_N" in values:
-        reference = figures.ForceTrace(values["reference/force_N"], values["reference/contact_mode"])
-        normal = np.where(np.isfinite(normal), normal, values["reference/normal"])
+        reference = figures.ForceTrace(
+            values["reference/force_N"], values["reference/contact_mode"], values["reference/normal"]
+        )
     age = values["ticks/model_age_ticks"].astype(np.float64)
     age[values["ticks/model_sequence"] == 0] = np.nan
     figures.save_forces(
         files.add("forces.png"),
         title=_title(scene, f"firmware on {scene.sections.board.name}"),
         time_s=time_s,
-        rendered=figures.ForceTrace(values["ticks/force_N"], mode),
-        normal=normal,
+        rendered=figures.ForceTrace(values["ticks/force_N"], mode, values["ticks/normal"]),
         friction=_touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=age,
@@ -244,8 +243,7 @@ def _draw_simulation(files: _Output, scene: Scene, values: Mapping[str, NDArray[
             files.add("forces.png"),
             title=_title(scene, "full body"),
             time_s=values["tip/time_s"],
-            rendered=figures.ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
-            normal=values["tip/normal"],
+            rendered=figures.ForceTrace(values["tip/force_N"], values["tip/contact_mode"], values["tip/normal"]),
             friction=_touched_friction(values, values["tip/contact_mode"], values["tip/triangle"]),
             rendered_name="full body",
         )

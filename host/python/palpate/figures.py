@@ -34,10 +34,12 @@ _MM = 1e3
 
 @dataclass(frozen=True)
 class ForceTrace:
-    """Tip force on the body and contact mode over time. force_N: (n, 3), device frame; contact_mode: (n,) 0, 1, 2."""
+    """Tip force on the body and contact mode over time. force_N: (n, 3), device frame; contact_mode: (n,) 0, 1, 2.
+    normal: (n, 3), outward surface normal at the contact (NaN: none), for splitting the force."""
 
     force_N: Array
     contact_mode: Array
+    normal: Array
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,6 @@ def save_forces(
     title: str,
     time_s: Array,
     rendered: ForceTrace,
-    normal: Array,
     friction: Array,
     reference: ForceTrace | None = None,
     model_age_ticks: Array | None = None,
@@ -75,14 +76,14 @@ def save_forces(
 ) -> None:
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
-    time_s: (n,). normal: (n, 3), outward surface normal at the contact (NaN: none), for splitting the forces.
-    friction: (n, 2), static and kinetic coefficient of the triangle that is touched (0 when free). model_age_ticks: (n,), NaN where no model was rendered.
+    time_s: (n,). friction: (n, 2), static and kinetic coefficient of the triangle that is touched (0 when free).
+    model_age_ticks: (n,), NaN where no model was rendered.
     """
     heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
     figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")
     panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
     figure.suptitle(title, fontsize=12)
-    _draw_forces(panels[0], time_s, rendered, normal, friction, reference, rendered_name)
+    _draw_forces(panels[0], time_s, rendered, friction, reference, rendered_name)
     _draw_modes(panels[1], time_s, rendered, reference, rendered_name)
     rest = panels[2:]
     if reference is not None:
@@ -98,17 +99,16 @@ def _draw_forces(
     axes: Axes,
     time_s: Array,
     rendered: ForceTrace,
-    normal: Array,
     friction: Array,
     reference: ForceTrace | None,
     rendered_name: str,
 ) -> None:
-    pressing_N, tangential_N = split_force(rendered.force_N, normal)
+    pressing_N, tangential_N = split_force(rendered.force_N, rendered.normal)
     if friction.any():
         _draw_cone(axes, time_s, pressing_N, friction)
     lengths_N = [np.linalg.norm(rendered.force_N, axis=1)]
     if reference is not None:  # broad and light, below the rendered forces: where they agree both are seen
-        normal_N, tangent_N = split_force(reference.force_N, normal)
+        normal_N, tangent_N = split_force(reference.force_N, reference.normal)
         axes.plot(time_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=r"$f_n$, full body")
         axes.plot(time_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=r"$|f_t|$, full body")
         lengths_N.append(np.linalg.norm(reference.force_N, axis=1))

@@ -41,10 +41,11 @@ def test_forces_of_a_run(tmp_path: Path, friction: tuple[tuple[float, float], ..
         tmp_path / "forces.png",
         title="run",
         time_s=1e-3 * values["ticks/tick"],
-        rendered=ForceTrace(values["ticks/force_N"], values["ticks/contact_mode"]),
-        normal=values["reference/normal"],
+        rendered=ForceTrace(values["ticks/force_N"], values["ticks/contact_mode"], values["ticks/normal"]),
         friction=of_tick,
-        reference=ForceTrace(values["reference/force_N"], values["reference/contact_mode"]),
+        reference=ForceTrace(
+            values["reference/force_N"], values["reference/contact_mode"], values["reference/normal"]
+        ),
         model_age_ticks=values["ticks/model_age_ticks"],
     )
     assert ink(tmp_path / "forces.png") > INK_FRACTION
@@ -56,8 +57,7 @@ def test_forces_of_a_simulation(tmp_path: Path) -> None:
         tmp_path / "forces.png",
         title="simulation",
         time_s=values["tip/time_s"],
-        rendered=ForceTrace(values["tip/force_N"], values["tip/contact_mode"]),
-        normal=values["tip/normal"],
+        rendered=ForceTrace(values["tip/force_N"], values["tip/contact_mode"], values["tip/normal"]),
         friction=np.full((len(values["tip/time_s"]), 2), 0.5),
     )
     assert ink(tmp_path / "forces.png") > INK_FRACTION
@@ -68,8 +68,7 @@ def test_forces_of_a_single_tick(tmp_path: Path) -> None:
         tmp_path / "forces.png",
         title="one tick",
         time_s=np.array([0.001]),
-        rendered=ForceTrace(np.zeros((1, 3)), np.zeros(1)),
-        normal=np.full((1, 3), np.nan),
+        rendered=ForceTrace(np.zeros((1, 3)), np.zeros(1), np.full((1, 3), np.nan)),
         friction=np.zeros((1, 2)),
     )
     assert (tmp_path / "forces.png").exists()

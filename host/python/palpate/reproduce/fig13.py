@@ -144,7 +144,7 @@ FIGURE = PaperFigure(
         "the node below it is pulled 8 mm up, held and released, and a wave runs through the patch. The paper gives no "
         "height; a taller pull would meet the instrument, and farther away no local model is sent.",
         "The local curve is the node in the model that the board rendered, at 1 kHz; the global ones are the full body "
-        "without any local model, at 1 kHz and sampled at 30 Hz. The paper’s local model lags by a global step because "
+        "without any local model, at 1 kHz and sampled at 30 Hz. The paper’s local model may lag by a global step because "
         "it starts afresh from a state that is that old. Ours is rolled forward through the time that it was under way "
         "before it is taken over, so that little of the delay is left in the wave.",
     ),
