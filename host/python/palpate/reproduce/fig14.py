@@ -100,7 +100,7 @@ FIGURE = PaperFigure(
         "simulated hand presses 3 mm in, drags 3.5 cm, presses 3 mm more and drags another 3 cm, with a coefficient of "
         "friction of 0, through encoders, motors and the kinematic coupling of tip and contact point that the paper has.",
         "Normal and tangential are meant in the contact normal with which the board computed the force in that tick. "
-        "The fine vertical lines are encoder counts of about 0.03 mm under a kinematically coupled tip.",
+        "The force rises and falls with the nodes that the tip passes, 1 cm apart.",
     ),
     caption="Normal and tangential force, and the tip's depth below the surface at rest.",
     runs=(Run("drag", "fig14"),),
