@@ -44,10 +44,6 @@ void Session::interpolate_old_gaps() {
 }
 
 void Session::advance_body() {
-  if (!started_) {
-    started_ = true;
-    tick_ = path_.first_tick();
-  }
   const std::uint32_t until = path_.complete_tick();
   feedback_->advance(surface_, contact_, path_, tick_, until);
   tick_ = until;
@@ -67,10 +63,14 @@ std::optional<SurfacePoint> Session::focus() const {
 std::optional<ModelUpdate> Session::update() {
   if (path_.empty()) return std::nullopt;
   interpolate_old_gaps();
+  if (!started_) {
+    started_ = true;
+    tick_ = path_.first_tick();
+  }
   const std::uint32_t before = tick_;
-  const bool first = !started_;
   advance_body();
-  if (!first && tick_ == before) return std::nullopt;
+  // Not with the first sample alone: whether the tip starts inside the body is known after a tick.
+  if (tick_ == before) return std::nullopt;
   const auto point = focus();
   std::optional<ModelUpdate> sent;
   if (point) sent = feedback_->kind() == ModelKind::held_force ? send_force() : send_model(*point);

@@ -118,6 +118,22 @@ TEST_F(SessionTest, NoNewsNoModel) {
   EXPECT_FALSE(session.update());
 }
 
+// Whether the tip starts inside the body is known after a tick: no model without it.
+TEST_F(SessionTest, TheFirstModelOfATipInsideHasTheContact) {
+  Path inside({0.0145, 0.0165, -6e-3});
+  path_ = inside.hold(kSamplesPerTrace);
+  Session session(body_, body_.rest_state(), config_);
+  palpate_ServoTrace_1_0 one = trace(path_, 0);
+  one.samples.count = 1;
+  session.take(one);
+  EXPECT_FALSE(session.update());
+  session.take(trace(path_, 0));
+  const auto update = session.update();
+  ASSERT_TRUE(update);
+  EXPECT_NE(update->message.contact.mode, 0u);
+  EXPECT_GT(update->message.contact.inset_m, 5e-3f);
+}
+
 TEST_F(SessionTest, AGapIsAskedForAndWaitedFor) {
   Session whole(body_, body_.rest_state(), config_), session(body_, body_.rest_state(), config_);
   const auto expected = run(whole);
