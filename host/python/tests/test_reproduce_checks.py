@@ -169,6 +169,15 @@ def test_figure_16_fails_above_the_cone_and_without_events() -> None:
     assert "median drop relative to the force before, static µ 1.3" in names
 
 
+def test_figure_16_lists_each_slip_event() -> None:
+    equal, static = fig16.tables({"equal": stick_slip(1.0), "static": stick_slip(1.3)})
+    assert len(equal.rows) == len(static.rows) == 10
+    for table in (equal, static):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+        assert [row[0] for row in table.rows] == sorted(row[0] for row in table.rows)
+    assert max(row[-1] for row in static.rows) == pytest.approx(0.8 * (1.3 * 29 / 30 - 1.0), rel=1e-5)
+
+
 def test_a_drop_ends_with_the_slip() -> None:
     record = stick_slip(1.3)
     forces = contact_forces(record)

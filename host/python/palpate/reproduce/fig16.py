@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
-from palpate.reproduce.figure import PaperFigure, Records, Run
+from palpate.reproduce.figure import PaperFigure, Records, Run, Table
 from palpate.reproduce.forces import SLIP, STICK, ContactForces, contact_forces, largest_ratio
 
 KINETIC, STATIC = 1.0, 1.3
@@ -129,6 +129,25 @@ def checks(records: Records) -> list[Check]:
     ]
 
 
+def tables(records: Records) -> list[Table]:
+    """Every slip event of both runs."""
+    found = []
+    for name, title in (("equal", "µ = 1"), ("static", f"static µ {STATIC:g}")):
+        forces = contact_forces(records[name])
+        events = slip_events(forces)
+        found.append(
+            Table(
+                f"Each change from stick to slip, {title}",
+                ("time [s]", "normal force before [N]", "tangential force before [N]", "drop of the tangential force [N]"),
+                tuple(
+                    (float(forces.time_s[event]), float(forces.normal_N[event]), float(forces.tangential_N[event]), float(drop))
+                    for event, drop in zip(events, drops_N(forces), strict=True)
+                ),
+            )
+        )
+    return found
+
+
 def draw(records: Records, file: Path) -> None:
     """Normal and tangential force over time, with equal coefficients and with static above kinetic friction."""
     figure, axes = plot.panels((1.2, 1.2))
@@ -187,4 +206,5 @@ FIGURE = PaperFigure(
     ),
     checks=checks,
     draw=draw,
+    tables=tables,
 )

@@ -35,11 +35,24 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Numbers that come one by one. columns: headings with units."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[float, ...], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The entry of results.json."""
+        return {"title": self.title, "columns": list(self.columns), "rows": [list(row) for row in self.rows]}
+
+
+@dataclass(frozen=True)
 class PaperFigure:
     """One figure of the paper.
 
     claims: quotations in short, each with its section. setting: what was done here, and how that differs. caption: what
-    our plot shows. checks: from the records. draw: the plot, into a PNG file.
+    our plot shows. checks: from the records. draw: the plot, into a PNG file. tables: lists of events, if any.
     """
 
     name: str
@@ -50,3 +63,4 @@ class PaperFigure:
     runs: tuple[Run, ...]
     checks: Callable[[Records], list[Check]]
     draw: Callable[[Records, Path], None]
+    tables: Callable[[Records], list[Table]] = lambda records: []

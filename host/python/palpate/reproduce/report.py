@@ -8,7 +8,7 @@ from pathlib import Path
 
 from palpate import __version__
 from palpate.reproduce.checks import Check
-from palpate.reproduce.figure import Run
+from palpate.reproduce.figure import Run, Table
 from palpate.reproduce.results import FigureResult
 from palpate.scene_overrides import format_override
 
@@ -69,6 +69,8 @@ def format_number(value: float | int) -> str:
 
 def format_tolerance(check: Check) -> str:
     """The bounds in words; empty without any."""
+    if check.at_most is not None and check.at_least == -check.at_most:
+        return f"within ±{format_number(float(check.at_most))}"
     bounds = [("at least", check.at_least), ("at most", check.at_most)]
     return ", ".join(f"{words} {bound:.7g}" for words, bound in bounds if bound is not None)
 
@@ -138,9 +140,22 @@ def _section(result: FigureResult, hil: bool) -> str:
 <th>Tolerance</th><th></th></tr></thead><tbody>
 {"".join(map(_row, result.checks))}
 </tbody></table></div>
+{"".join(map(_table, result.tables))}
 <p>Scene: {scenes}. This figure: <code>{whole}</code>. Its runs one by one:</p>
 <pre>{commands}</pre>
 </section>"""
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{html.escape(column)}</th>" for column in table.columns)
+    body = "".join(
+        "<tr>" + "".join(f'<td class="number">{format_number(value)}</td>' for value in row) + "</tr>"
+        for row in table.rows
+    )
+    return (
+        f"<details><summary>{html.escape(table.title)} ({len(table.rows)})</summary>"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div></details>'
+    )
 
 
 def _row(check: Check) -> str:

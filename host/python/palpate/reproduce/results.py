@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.reproduce.checks import NO_NUMBER, Check, all_passed
-from palpate.reproduce.figure import PaperFigure
+from palpate.reproduce.figure import PaperFigure, Table
 from palpate.reproduce.runner import Done
 
 
@@ -19,6 +19,7 @@ class FigureResult:
     checks: list[Check]
     plot: Path
     summaries: Mapping[str, Mapping[str, Any]]
+    tables: Sequence[Table] = ()
 
     @property
     def passed(self) -> bool:
@@ -32,6 +33,7 @@ class FigureResult:
             "title": self.figure.title,
             "pass": self.passed,
             "checks": [check.to_dict() for check in self.checks],
+            "tables": [table.to_dict() for table in self.tables],
             "runs": [
                 {
                     "name": run.name,
@@ -75,6 +77,7 @@ def evaluate(figure: PaperFigure, done: Sequence[Done], folder: Path) -> FigureR
         [*figure.checks(records), *run_checks(done)],
         plot,
         {run.job.run.name: run.summary for run in done},
+        figure.tables(records),
     )
     (folder / "results.json").write_text(
         json.dumps(result.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
