@@ -228,7 +228,7 @@ def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, he
         struct.pack("<IQIHHBB3ffB2fB", sequence, schema_hash, tick, 1000, modes, nodes, len(corners) // 3,
                     0, 0, height_m, 0, 0, 0, 0, 0),
         bytes(1),  # modes, rolled forward
-        bytes(4 + 12 + 12 + 12 + 4 + 12),  # no contact
+        bytes(4 + 12 + 12 + 12 + 4 + 12 + 4),  # no contact
         array("<B", "<f4", position_m), array("<B", "<u2", np.arange(len(corners) // 3)), array("<H", "u1", corners),
         array("<B", "u1", np.zeros(len(corners) // 3)), array("<B", "<f4", [0.5]), array("<B", "<f4", [0.4]),
         array("<H", "<f4", coefficient), array("<B", "<f4", rest), array("<B", "<f4", rest), array("<B", "<f4", rest),

@@ -7,7 +7,7 @@ from board_peer import LinkCodec, BoardInfo, lockstep, parse_status, square_mode
 
 OK, PAYLOAD_MALFORMED, SCHEMA_MISMATCH, TOO_LARGE, NOT_FINITE, INCONSISTENT, TOO_OLD, FROM_FUTURE = (
     0, 17, 18, 32, 33, 34, 35, 37)
-_TICK_AT, _FRICTION_AT, _MODES_AT, _SURFACE_AT = 12, 411, 18, 38
+_TICK_AT, _FRICTION_AT, _MODES_AT, _SURFACE_AT = 12, 415, 18, 38
 
 
 def patched(model: bytes, at: int, kind: str, value: float) -> bytes:

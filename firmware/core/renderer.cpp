@@ -140,6 +140,8 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
                             m.contact.coupling_stretch_m[2]};
   if (!is_finite(slot.contact.force_N) || !is_finite(slot.contact.stretch_m)) return Status::model_not_finite;
   slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
+  slot.contact.height_m = m.contact.height_m;
+  if (!std::isfinite(slot.contact.height_m)) return Status::model_not_finite;
   if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
   slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
   if (slot.contact.mode != ContactMode::free) {

@@ -92,6 +92,7 @@ class Reference {
       m.contact.force_N[axis] = contact_.force_N[axis];
       m.contact.coupling_stretch_m[axis] = contact_.stretch_m[axis];
     }
+    m.contact.height_m = contact_.height_m;
     return m;
   }
 
@@ -292,6 +293,8 @@ INSTANTIATE_TEST_SUITE_P(
                      m.contact.triangle = 9;
                      m.contact.barycentric[2] = kNan;
                    }},
+        BadMessage{"infinite_height", Status::model_not_finite,
+                   [](auto& m) { m.contact.height_m = -kInfinity; }},
         BadMessage{"too_many_modes", Status::model_too_large, [](auto& m) { m.modes = kMaxModes + 1; }},
         BadMessage{"too_many_nodes", Status::model_too_large,
                    [](auto& m) { m.nodes = kMaxSurfaceNodes + 1; }},
@@ -425,7 +428,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(message);
   // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 105;
+  constexpr std::size_t kPositionCount = 109;
   ASSERT_EQ(payload[kPositionCount], 12);
   payload[kPositionCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

@@ -27,6 +27,7 @@ class ModalPatchSurface {
   ModalPatchSurface(const LinearPatch& patch, double step_s, SurfaceKind kind,
                     const Friction<double>& friction);
 
+  [[nodiscard]] SurfaceKind kind() const { return kind_; }
   [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(corner_.size()); }
   [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const {
     return corner_[triangle];

@@ -28,6 +28,7 @@ class BodySurface {
   BodySurface(const Body& body, BodyState start, double step_s, SurfaceKind kind = SurfaceKind::smooth,
               const std::vector<NodeDrive>& drives = {}, const FrictionSpec& friction = {});
 
+  [[nodiscard]] SurfaceKind kind() const { return kind_; }
   [[nodiscard]] std::uint32_t triangle_count() const {
     return static_cast<std::uint32_t>(body_.triangles().size());
   }

@@ -30,6 +30,7 @@ class ModelMessageTest : public ::testing::Test {
     contact_.barycentric = {0.2, 0.3, 0.5};
     contact_.force_N = {0.1, -0.2, -0.7};
     contact_.inset_m = 0.003;
+    contact_.height_m = -2e-4;
     contact_.overhang_m = {0.001, 0.002, -0.004};
   }
   void pack() { pack_model(model_, stamp_, law_, SurfaceKind::flat, friction_, contact_, *message_); }
@@ -70,6 +71,7 @@ TEST_F(ModelMessageTest, CarriesTheModelInSinglePrecision) {
   EXPECT_EQ(m.contact.barycentric[2], 0.5f);
   EXPECT_EQ(m.contact.force_N[1], -0.2f);
   EXPECT_EQ(m.contact.inset_m, 0.003f);
+  EXPECT_EQ(m.contact.height_m, -2e-4f);
   EXPECT_EQ(m.contact.overhang_m[2], -0.004f);
 
   const auto modes = static_cast<std::size_t>(model_.modes());

@@ -128,14 +128,18 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
       state.outside = false;
       return Meeting::none;
     }
-    if (end.distance_m >= radius_m) {
-      surface.note_clearance(end.distance_m - radius_m);
+    // A tip that has just left a smooth surface meets it again at the same height; one that is well away from
+    // it has forgotten that.
+    if (end.distance_m - radius_m >= state.height_m + std::fabs(state.height_m)) state.height_m = 0;
+    if (end.distance_m >= radius_m + state.height_m) {
+      surface.note_clearance(end.distance_m - radius_m - state.height_m);
       return Meeting::none;
     }
     triangle = end.triangle;
     touch(end);
   }
   // When did the tip pass the plane of that triangle? Both move in straight lines.
+  const Real touching_m = radius_m + state.height_m;
   Real low = 0, high = crossing.fraction;
   const bool known = crossing.found && !(radius_m > 0);
   const auto before = corners_at(surface, triangle, Real(0)), after = corners_at(surface, triangle, Real(1));
@@ -144,7 +148,7 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
     std::array<Vec3<Real>, 3> x{};
     for (std::size_t c = 0; c < 3; ++c) x[c] = lerp(before[c], after[c], middle);
     const Vec3<Real> normal = normalized(cross(x[1] - x[0], x[2] - x[0]));
-    (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < radius_m ? high : low) = middle;
+    (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < touching_m ? high : low) = middle;
   }
   const Vec3<Real> tip = lerp(motion.from_m, motion.to_m, high);
   if (crossing.found) {

@@ -11,14 +11,11 @@
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/contact_surface.hpp"
 #include "shared/contact/coulomb.hpp"
+#include "shared/contact/slide.hpp"
 #include "shared/contact/surface_point.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate {
-
-// Triangle edges that the contact point may cross in one step: 5 m/s over 1 cm cells at 1 kHz crosses one or
-// two.
-inline constexpr int kMaxEdgeCrossings = 6;
 
 // A tip that is inside the body without having passed its surface touches the closest point of it, at first
 // without force, and is pushed out: the surface is drawn towards it at this speed (5 mm in a quarter of a
@@ -34,42 +31,6 @@ inline constexpr double kLevelOverhang = 0.5;
 inline constexpr double kLargestOverhang = 2.0;
 
 namespace contact_detail {
-
-// Moves the contact point over the surface to where the tip is now, from triangle to triangle. Returns by how
-// much it falls short: not zero at the border.
-template <class Surface, class Real>
-Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
-  const auto nearest_on = [&](std::uint32_t t) {
-    const auto corner = surface.corners(t);
-    return closest_point(tip, surface.position(corner[0]), surface.position(corner[1]),
-                         surface.position(corner[2]));
-  };
-  auto best = nearest_on(state.triangle);
-  for (int crossing = 0; crossing < kMaxEdgeCrossings; ++crossing) {
-    const Vec3<Real> offset = tip - best.position;
-    Real best_squared = dot(offset, offset);
-    bool moved = false;
-    const std::uint32_t here = state.triangle;
-    const Vec3<Real> here_barycentric = best.barycentric;
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      if (here_barycentric[c] != 0) continue;
-      const std::int32_t across = surface.neighbour(here, c);
-      if (across == kNoTriangle) continue;
-      const auto candidate = nearest_on(static_cast<std::uint32_t>(across));
-      const Vec3<Real> d = tip - candidate.position;
-      if (dot(d, d) < best_squared) {
-        best_squared = dot(d, d);
-        best = candidate;
-        state.triangle = static_cast<std::uint32_t>(across);
-        moved = true;
-      }
-    }
-    if (!moved) break;
-  }
-  state.barycentric = best.barycentric;
-  state.at_border = on_border(surface, state.triangle, best.barycentric);
-  return tip - best.position;
-}
 
 template <class Surface, class Real>
 Real longest_edge_m(Surface& surface, std::uint32_t triangle) {
@@ -157,7 +118,8 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
                          surface.friction(state.triangle), previous);
   };
 
-  const Vec3<Real> target = to + (to - from) * Surface::kTargetExtrapolation - normal * law.tip_radius_m;
+  const Vec3<Real> target =
+      to + (to - from) * Surface::kTargetExtrapolation - normal * (law.tip_radius_m + state.height_m);
   const Vec3<Real> overhang = detail::tangential(state.overhang_m, normal);
   Vec3<Real> gap = target - overhang + normal * state.inset_m - response.free_m;
   if (state.at_border)

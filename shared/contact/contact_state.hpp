@@ -23,6 +23,8 @@ struct ContactState {
   Real inset_m = 0;  // inward, what is left of a start inside the body
   Vec3<Real>
       overhang_m{};  // along the surface: beyond its border, or where a start inside the body was askew
+  // Of a smooth surface over its triangle, along the normal (slide.hpp); kept for a while after separation.
+  Real height_m = 0;
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here

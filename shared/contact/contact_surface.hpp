@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "shared/contact/contact_state.hpp"
+#include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate {
@@ -41,6 +42,7 @@ template <class S>
 concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename S::Real> v,
                                   typename S::Real radius) {
   { S::kTargetExtrapolation } -> std::convertible_to<typename S::Real>;
+  { c.kind() } -> std::same_as<SurfaceKind>;
   { c.triangle_count() } -> std::convertible_to<std::uint32_t>;
   { c.corners(i) } -> std::same_as<std::array<std::uint32_t, 3>>;
   // Across the edge opposite to corner `i` of the triangle; kNoTriangle at the border.

@@ -38,6 +38,7 @@ class Bed {
   }
 
   static constexpr double step_s() { return kStep_s; }
+  SurfaceKind kind() const { return SurfaceKind::smooth; }
   std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(triangles_.size()); }
   std::array<std::uint32_t, 3> corners(std::uint32_t t) const { return triangles_[t]; }
   std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {

@@ -12,7 +12,7 @@ constexpr float kLead_s = ModalSurface::kTargetExtrapolation * static_cast<float
 
 // Work in units of about 1,000 Cortex-M4F instructions at 96 modes.
 constexpr std::uint32_t kWorkOfModes = 2;     // one pass over the modes
-constexpr std::uint32_t kWorkOfNewPoint = 8;  // basis and compliance of another contact point
+constexpr std::uint32_t kWorkOfNewPoint = 9;  // another contact point: the way there, basis and compliance
 constexpr std::uint32_t kWorkOfNode = 1;
 
 }  // namespace

@@ -32,6 +32,7 @@ class ModalSurface {
   void bind(const LocalModelView& model, ModalState& state);
 
   [[nodiscard]] static constexpr float step_s() { return static_cast<float>(kTick_s); }
+  [[nodiscard]] SurfaceKind kind() const { return model_.surface; }
   [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(model_.triangles); }
   [[nodiscard]] std::array<std::uint32_t, 3> corners(std::uint32_t triangle) const {
     const std::uint8_t* c = model_.corner + 3 * triangle;

@@ -170,7 +170,7 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   struct Prefix {
     std::size_t at, bytes, bound;
   };
-  constexpr std::size_t kFixedBytes = 105;
+  constexpr std::size_t kFixedBytes = 109;
   for (const Prefix& prefix :
        {Prefix{0, 1, 96}, Prefix{1, 1, 96}, Prefix{2, 2, 288}, Prefix{4, 1, 96}, Prefix{5, 1, 4},
         Prefix{6, 1, 4}, Prefix{7, 2, 1152}, Prefix{9, 1, 192}, Prefix{10, 1, 192}, Prefix{11, 1, 192},

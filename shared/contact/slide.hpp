@@ -1,0 +1,99 @@
+// How the contact point follows the tip over a triangulated surface that moves.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "shared/contact/closest_point.hpp"
+#include "shared/contact/contact_state.hpp"
+#include "shared/contact/surface_kind.hpp"
+#include "shared/contact/surface_point.hpp"
+#include "shared/math/linear.hpp"
+
+namespace palpate {
+
+namespace contact_detail {
+
+// Moves the contact point to the place nearest to `target`: downhill from triangle to triangle, over the edge
+// or around the node where the nearest place of the triangle lies. Every move comes closer, so no triangle is
+// entered twice, however many edges are crossed. Returns that place.
+template <class Surface, class Real>
+Vec3<Real> walk(Surface& surface, std::uint32_t& triangle, Vec3<Real>& barycentric,
+                const Vec3<Real>& target) {
+  TrianglePoint<Real> best{};
+  Real best_squared = 0;
+  const auto look_at = [&](std::uint32_t t, bool first) {
+    const auto corner = surface.corners(t);
+    const auto candidate = closest_point(target, surface.position(corner[0]), surface.position(corner[1]),
+                                         surface.position(corner[2]));
+    const Vec3<Real> offset = target - candidate.position;
+    const Real squared = dot(offset, offset);
+    if (!first && !(squared < best_squared)) return;
+    best = candidate;
+    best_squared = squared;
+    triangle = t;
+  };
+  look_at(triangle, true);
+  const std::uint32_t count = surface.triangle_count();
+  for (std::uint32_t moves = 0; moves < count; ++moves) {
+    const std::uint32_t here = triangle;
+    const Vec3<Real> weight = best.barycentric;
+    std::uint32_t node = corner_of(weight);
+    auto around = static_cast<std::int32_t>(here);
+    for (int i = 0; node < 3 && i < kMaxTrianglesAround; ++i) {
+      around = next_around(surface, static_cast<std::uint32_t>(around), node);
+      if (around == kNoTriangle || around == static_cast<std::int32_t>(here)) break;
+      look_at(static_cast<std::uint32_t>(around), false);
+    }
+    // Over the edge; beside a node at the border, over both edges: the way around it may be cut there.
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      if (weight[c] != 0 || (node < 3 && around != kNoTriangle)) continue;
+      const std::int32_t across = surface.neighbour(here, c);
+      if (across != kNoTriangle) look_at(static_cast<std::uint32_t>(across), false);
+    }
+    if (triangle == here) break;
+  }
+  barycentric = best.barycentric;
+  return best.position;
+}
+
+// Moves the contact point over the surface to where the tip is now. Returns by how much it falls short: along
+// the surface, that is not zero at the border only.
+//
+// A smooth surface has its own height over the triangles: whatever way the contact point goes, the surface
+// there is at right angles to the normal, so the height changes by what the triangles rise in direction of
+// the normal. Without it the tip would follow the triangles' kinks, and each edge would be an impact. The
+// height is forgotten over the width of a triangle: it stays small, and does not depend on how the tip came
+// here. Measured in docs/decisions/smooth_normals.md.
+template <class Surface, class Real>
+Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
+  Vec3<Real> end{};
+  if (surface.kind() == SurfaceKind::flat) {
+    end = walk(surface, state.triangle, state.barycentric, tip);
+  } else {
+    const auto corner = surface.corners(state.triangle);
+    const Vec3<Real> a = surface.position(corner[0]), b = surface.position(corner[1]),
+                     c = surface.position(corner[2]);
+    const Vec3<Real> start = a * state.barycentric.x + b * state.barycentric.y + c * state.barycentric.z;
+    // Where the line through the tip along the normal meets the plane of the triangle; on another triangle
+    // the same from there, which leaves the square of the sine between the normals of a small rest.
+    const Vec3<Real> area = cross(b - a, c - a);
+    const Real width_squared = norm(area), facing = dot(area, state.normal);
+    end = facing * 2 > width_squared ? tip + state.normal * (dot(area, start - tip) / facing) : tip;
+    const std::uint32_t left = state.triangle;
+    end = walk(surface, state.triangle, state.barycentric, end);
+    if (state.triangle != left)
+      end =
+          walk(surface, state.triangle, state.barycentric, tip + state.normal * dot(state.normal, end - tip));
+    const Vec3<Real> moved = end - start;
+    const Real moved_squared = dot(moved, moved);
+    state.height_m -= dot(state.normal, moved);
+    state.height_m *= moved_squared < width_squared ? 1 - std::sqrt(moved_squared / width_squared) : Real(0);
+  }
+  state.at_border = on_border(surface, state.triangle, state.barycentric);
+  return tip - end;
+}
+
+}  // namespace contact_detail
+
+}  // namespace palpate
