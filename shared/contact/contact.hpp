@@ -107,6 +107,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
         from - normal * law.tip_radius_m -
         (x[0] * state.barycentric.x + x[1] * state.barycentric.y + x[2] * state.barycentric.z);
     state.inset_m = std::max(-dot(normal, open), Real(0));
+    state.height_m = 0;
     state.overhang_m = detail::tangential(open, normal);
   }
   const auto response = surface.respond(state.triangle, state.barycentric);
