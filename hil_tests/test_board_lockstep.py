@@ -215,7 +215,7 @@ def test_an_old_model_goes_on_when_a_corrupt_one_comes(board):
     assert board.run(10)["model_sequence"] == 9
     better = square_model(10, board.next_tick - 1, info.schema_hash)
     corrupt = bytearray(LinkCodec.encode(LinkCodec.LOCAL_MODEL, 1, better))
-    corrupt[300] ^= 0x80
+    corrupt[300] ^= 0x80  # the byte is 1 there: turned into 0, it would end the frame
     board.tick(link=bytes(corrupt))
     other = square_model(11, board.next_tick - 1, info.schema_hash ^ 1)
     board.tick(link=LinkCodec.encode(LinkCodec.LOCAL_MODEL, 2, other))

@@ -140,8 +140,6 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
                             m.contact.coupling_stretch_m[2]};
   if (!is_finite(slot.contact.force_N) || !is_finite(slot.contact.stretch_m)) return Status::model_not_finite;
   slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
-  slot.contact.height_m = m.contact.height_m;
-  if (!std::isfinite(slot.contact.height_m)) return Status::model_not_finite;
   if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
   slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
   if (slot.contact.mode != ContactMode::free) {
@@ -153,7 +151,9 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     slot.contact.triangle = triangle;
     slot.contact.inset_m = m.contact.inset_m;
     slot.contact.overhang_m = {m.contact.overhang_m[0], m.contact.overhang_m[1], m.contact.overhang_m[2]};
-    if (!std::isfinite(slot.contact.inset_m) || !is_finite(slot.contact.overhang_m))
+    slot.contact.height_m = m.contact.height_m;
+    if (!std::isfinite(slot.contact.inset_m) || !is_finite(slot.contact.overhang_m) ||
+        !std::isfinite(slot.contact.height_m))
       return Status::model_not_finite;
     if (slot.contact.inset_m < 0.0f) return Status::model_inconsistent;
   }

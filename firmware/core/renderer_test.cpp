@@ -294,7 +294,12 @@ INSTANTIATE_TEST_SUITE_P(
                      m.contact.barycentric[2] = kNan;
                    }},
         BadMessage{"infinite_height", Status::model_not_finite,
-                   [](auto& m) { m.contact.height_m = -kInfinity; }},
+                   [](auto& m) {
+                     m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
+                     m.contact.triangle = 9;
+                     m.contact.barycentric[0] = 1.0f;
+                     m.contact.height_m = -kInfinity;
+                   }},
         BadMessage{"too_many_modes", Status::model_too_large, [](auto& m) { m.modes = kMaxModes + 1; }},
         BadMessage{"too_many_nodes", Status::model_too_large,
                    [](auto& m) { m.nodes = kMaxSurfaceNodes + 1; }},

@@ -39,7 +39,7 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
   pack(contact.stretch_m, message.coupling_stretch_m);
   message.inset_m = narrow(contact.inset_m);
   pack(contact.overhang_m, message.overhang_m);
-  message.height_m = narrow(contact.height_m);
+  message.height_m = contact.mode == ContactMode::free ? 0.0f : narrow(contact.height_m);
 }
 
 void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double>& law,

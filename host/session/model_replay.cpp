@@ -52,6 +52,7 @@ ContactState<double> ModelReplay::contact() const {
   contact.stretch_m = widen(now->stretch_m);
   contact.inset_m = static_cast<double>(now->inset_m);
   contact.overhang_m = widen(now->overhang_m);
+  contact.height_m = static_cast<double>(now->height_m);
   contact.outside = now->outside;
   contact.at_border = now->at_border;
   return contact;

@@ -98,9 +98,13 @@ bool could_have_crossed(Surface& surface, const TipMotion<Real>& motion, const S
   return end.distance_m <= norm(motion.to_m - motion.from_m) + Real(2) * moved;
 }
 
-// Looks for the tip's meeting with the surface in the step just taken.
+// Looks for the tip's meeting with the surface in the step just taken. A tip that has just left a smooth
+// surface meets it again at the height it had, and in the same direction; once further away from it than
+// that, it has forgotten both.
 template <class Surface, class Real>
-Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotion<Real>& motion) {
+Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotion<Real>& tip_motion) {
+  const Vec3<Real> height_m = state.normal * state.height_m;
+  const TipMotion<Real> motion{tip_motion.from_m - height_m, tip_motion.to_m - height_m, tip_motion.radius_m};
   const Real radius_m = motion.radius_m;
   const auto touch = [&](const SurfacePoint<Real>& point) {
     state.triangle = point.triangle;
@@ -126,20 +130,19 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
     // Beside the part of the surface that is known here, the tip may go anywhere.
     if (end.at_border) {
       state.outside = false;
+      state.height_m = 0;
       return Meeting::none;
     }
-    // A tip that has just left a smooth surface meets it again at the same height; one that is well away from
-    // it has forgotten that.
-    if (end.distance_m - radius_m >= state.height_m + std::fabs(state.height_m)) state.height_m = 0;
-    if (end.distance_m >= radius_m + state.height_m) {
-      surface.note_clearance(end.distance_m - radius_m - state.height_m);
+    if (end.distance_m >= radius_m) {
+      const Real clearance_m = end.distance_m - radius_m, held_m = std::fabs(state.height_m);
+      if (clearance_m >= held_m) state.height_m = 0;
+      surface.note_clearance(clearance_m >= held_m ? clearance_m - held_m : clearance_m);
       return Meeting::none;
     }
     triangle = end.triangle;
     touch(end);
   }
   // When did the tip pass the plane of that triangle? Both move in straight lines.
-  const Real touching_m = radius_m + state.height_m;
   Real low = 0, high = crossing.fraction;
   const bool known = crossing.found && !(radius_m > 0);
   const auto before = corners_at(surface, triangle, Real(0)), after = corners_at(surface, triangle, Real(1));
@@ -148,7 +151,7 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
     std::array<Vec3<Real>, 3> x{};
     for (std::size_t c = 0; c < 3; ++c) x[c] = lerp(before[c], after[c], middle);
     const Vec3<Real> normal = normalized(cross(x[1] - x[0], x[2] - x[0]));
-    (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < touching_m ? high : low) = middle;
+    (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < radius_m ? high : low) = middle;
   }
   const Vec3<Real> tip = lerp(motion.from_m, motion.to_m, high);
   if (crossing.found) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "shared/contact/collision.hpp"
@@ -55,6 +56,7 @@ void release(ContactState<Real>& state, bool outside) {
   state.mode = ContactMode::free;
   state.stretch_m = state.overhang_m = {};
   state.inset_m = 0;
+  if (!outside) state.height_m = 0;
   state.at_border = false;
   state.outside = outside;
 }
@@ -85,11 +87,14 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   state.force_N = {};
   auto meeting = detail::Meeting::none;
   if (state.mode == ContactMode::free) {
-    const Nearness nearness = surface.nearness(from, to, law.tip_radius_m);
+    const Nearness nearness = surface.nearness(from, to, law.tip_radius_m + std::fabs(state.height_m));
     surface.advance();
     if (nearness == Nearness::near)
       meeting = detail::find_meeting(surface, state, detail::TipMotion<Real>{from, to, law.tip_radius_m});
-    if (nearness == Nearness::far) state.outside = false;
+    if (nearness == Nearness::far) {
+      state.outside = false;
+      state.height_m = 0;
+    }
     if (meeting == detail::Meeting::none) return;
     previous = ContactMode::stick;
   } else {
@@ -107,7 +112,6 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
         from - normal * law.tip_radius_m -
         (x[0] * state.barycentric.x + x[1] * state.barycentric.y + x[2] * state.barycentric.z);
     state.inset_m = std::max(-dot(normal, open), Real(0));
-    state.height_m = 0;
     state.overhang_m = detail::tangential(open, normal);
   }
   const auto response = surface.respond(state.triangle, state.barycentric);

@@ -17,13 +17,14 @@ struct ContactState {
   std::uint32_t triangle = 0;  // index in the surface; only with mode != free
   Vec3<Real> barycentric{};    // contact point on it; weights of its corners, sum 1
   Vec3<Real> force_N{};        // of the tip on the body during the last step
-  Vec3<Real> normal{};         // unit outward normal in which that force was found; only with mode != free
+  Vec3<Real> normal{};         // unit outward normal in which that force was found; when free, the last one
   Vec3<Real> stretch_m{};      // of the coupling; zero where it does not yield, and when free
   // What the contact leaves open between the surface's contact point and the tip:
   Real inset_m = 0;  // inward, what is left of a start inside the body
   Vec3<Real>
       overhang_m{};  // along the surface: beyond its border, or where a start inside the body was askew
-  // Of a smooth surface over its triangle, along the normal (slide.hpp); kept for a while after separation.
+  // Of a smooth surface over its triangle, along the normal (slide.hpp). Kept for a while after separation,
+  // while `outside` holds; otherwise 0 when free.
   Real height_m = 0;
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision

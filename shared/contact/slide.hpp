@@ -63,13 +63,16 @@ Vec3<Real> walk(Surface& surface, std::uint32_t& triangle, Vec3<Real>& barycentr
 // A smooth surface has its own height over the triangles: whatever way the contact point goes, the surface
 // there is at right angles to the normal, so the height changes by what the triangles rise in direction of
 // the normal. Without it the tip would follow the triangles' kinks, and each edge would be an impact. The
-// height is forgotten over the width of a triangle: it stays small, and does not depend on how the tip came
-// here. Measured in docs/decisions/smooth_normals.md.
+// height is forgotten over the width of a triangle (the root of twice its area): it never exceeds that, and
+// does not depend on how the tip came here. A tip that is still pushed out of the body follows the triangles:
+// the height's change must not add to the force, which is bounded there. Measured in
+// docs/decisions/smooth_normals.md.
 template <class Surface, class Real>
 Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
   Vec3<Real> end{};
-  if (surface.kind() == SurfaceKind::flat) {
+  if (surface.kind() == SurfaceKind::flat || state.inset_m > 0) {
     end = walk(surface, state.triangle, state.barycentric, tip);
+    state.height_m = 0;
   } else {
     const auto corner = surface.corners(state.triangle);
     const Vec3<Real> a = surface.position(corner[0]), b = surface.position(corner[1]),
