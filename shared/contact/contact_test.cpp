@@ -210,6 +210,62 @@ TEST(Contact, CollisionTimeIsFoundWithinTheStep) {
   EXPECT_NEAR(x, 0.022, 0.004 / 256);  // a quarter of the way, to the resolution of eight halvings
 }
 
+// A plate that the tip meets while both move in straight lines: the plate along its normal, the tip sideways,
+// too. The place where it is met tells the time.
+TEST(Contact, TheTimeOfCollisionWithAMovingPlaneIsKnownToA256th) {
+  constexpr double kHeight_m = 1e-3;
+  for (const double plate_m : {-4e-4, 0.0, 7e-4, 1.5e-3}) {  // in the step
+    for (const double fall_m : {0.0, 5e-4, 1.2e-3, 3e-3}) {  // of the tip
+      if (plate_m + fall_m <= 1.1 * kHeight_m) continue;     // they do not meet
+      const double sideways_m = 4e-3;
+      // Its damper takes a part of its speed before it moves.
+      const double lasting = 1.0 - Bed::kDamping_N_s_m * Bed::kStep_s / Bed::kMass_kg;
+      Bed bed({10.0, 10.0}, {0.0, 0.0, plate_m / (lasting * Bed::kStep_s)});
+      ContactState<double> state;
+      const Vec3d from{0.0212, 0.023, kHeight_m};
+      step_contact(bed, state, {}, from, from + Vec3d{sideways_m, 0.0, -fall_m});
+      ASSERT_NE(state.mode, ContactMode::free) << plate_m << " " << fall_m;
+      const auto corner = bed.corners(state.triangle);
+      double x = 0;
+      for (std::size_t c = 0; c < 3; ++c) x += bed.position_before(corner[c]).x * state.barycentric[c];
+      EXPECT_NEAR((x - from.x) / sideways_m, kHeight_m / (plate_m + fall_m), 1.0 / 256)
+          << plate_m << " " << fall_m;
+    }
+  }
+}
+
+// Dragged against its springs the bed sticks up to static friction; once it slips the force drops to kinetic
+// friction, and it sticks again only below that.
+TEST(Contact, StaticFrictionAboveKinetic) {
+  constexpr double kStatic = 0.6, kKinetic = 0.3, kRounding = 1e-9;
+  Bed bed({kStatic, kKinetic});
+  ContactState<double> state;
+  Vec3d tip = move(bed, state, {}, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
+  move(bed, state, {}, tip, tip, 0.2, kNothing);
+  double before_ratio = 0, broke_loose_at = 0, stuck_again_at = -1;
+  ContactMode before = state.mode;
+  const auto watch = [&](const Vec3d&) {
+    ASSERT_NE(state.mode, ContactMode::free);
+    const double normal_N = -dot(state.force_N, state.normal);
+    const double ratio = norm(state.force_N + state.normal * normal_N) / normal_N;
+    if (state.mode == ContactMode::slip) {
+      EXPECT_NEAR(ratio, kKinetic, kRounding);
+      if (before == ContactMode::stick && broke_loose_at == 0) broke_loose_at = before_ratio;
+    } else {
+      EXPECT_LE(ratio, (before == ContactMode::stick ? kStatic : kKinetic) + kRounding);
+      if (before == ContactMode::slip) stuck_again_at = ratio;
+    }
+    before = state.mode;
+    before_ratio = ratio;
+  };
+  tip = move(bed, state, {}, tip, {0.022, 0.024, -0.001}, 1.0, watch);
+  // 1 um a step, against springs of 300 N/m with 0.3 N and more on them: the ratio grows by less than 1 % in
+  // a step.
+  EXPECT_NEAR(broke_loose_at, kStatic, 0.01);
+  tip = move(bed, state, {}, tip, {0.012, 0.023, -0.001}, 1.0, watch);
+  EXPECT_GE(stuck_again_at, 0.0);
+}
+
 ContactLaw<double> coupled(double stiffness_N_m, double damping_N_s_m) {
   return {.coupling = {stiffness_N_m, damping_N_s_m}};
 }

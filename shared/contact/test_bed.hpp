@@ -20,12 +20,13 @@ class Bed {
   static constexpr double kSpacing_m = 0.01;
   static constexpr std::uint32_t kSide = 6;
 
-  explicit Bed(const Friction<double>& friction = {1.0, 1.0})
+  // Starts at rest position, moving at `velocity_m_s`.
+  explicit Bed(const Friction<double>& friction = {1.0, 1.0}, const Vec3d& velocity_m_s = {})
       : friction_(friction),
         rest_(kSide * kSide),
         now_(kSide * kSide),
         before_(kSide * kSide),
-        velocity_(kSide * kSide) {
+        velocity_(kSide * kSide, velocity_m_s) {
     for (std::uint32_t j = 0; j < kSide; ++j)
       for (std::uint32_t i = 0; i < kSide; ++i) rest_[j * kSide + i] = {i * kSpacing_m, j * kSpacing_m, 0.0};
     now_ = before_ = rest_;
