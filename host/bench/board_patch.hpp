@@ -29,7 +29,8 @@ class BoardPatch {
   // Device frame to the patch's.
   [[nodiscard]] Vec3f to_patch(const Vec3d& position_m) const;
   // How far a point of a triangle has come since `before`, computed in double from the modes.
-  [[nodiscard]] Vec3d moved_m(const ModalState& before, std::uint32_t triangle, const Vec3d& barycentric) const;
+  [[nodiscard]] Vec3d moved_m(const ModalState& before, std::uint32_t triangle,
+                              const Vec3d& barycentric) const;
   // Sum of p^2 / 2 + lambda q^2 / 2 - load q.
   [[nodiscard]] double energy_J() const;
 

@@ -9,6 +9,7 @@
 #include "host/bench/board_patch.hpp"
 #include "host/linearize/patch_builder.hpp"
 #include "host/msd/energy.hpp"
+#include "host/msd/vectors.hpp"
 #include "host/session/body_surface.hpp"
 #include "shared/model/modal_surface.hpp"
 #include "shared/servo_tick.hpp"
@@ -115,8 +116,7 @@ void EnergyAccount::add(const ContactState<double>& contact, bool first, const V
     return;
   }
   const Vec3d tangential_N = f - contact.normal * dot(contact.normal, f);
-  const double loss_J =
-      contact.mode == ContactMode::slip ? std::max(dot(tangential_N, slip_m), 0.0) : 0.0;
+  const double loss_J = contact.mode == ContactMode::slip ? std::max(dot(tangential_N, slip_m), 0.0) : 0.0;
   friction_J += loss_J;
   created_J += loss_J - dot(f, slip_m);
   largest_step_J = std::max(largest_step_J, loss_J - dot(f, slip_m));
@@ -155,18 +155,25 @@ EnergyLoop full_body_loop(const Body& body, SurfaceKind kind, double friction, d
   const double start_J = energy_J(surface);
   const int steps = steps_per_tick(step_s);
   double damped_J = 0, power_W = 0;
+  Vec3d tip_moved_before_m{};
+  Eigen::Matrix3Xd velocity_before_m_s;
   for (std::size_t tick = 1; tick < tip_m.size(); ++tick) {
     Vec3d from = tip_m[tick - 1];
     for (int i = 1; i <= steps; ++i) {
       const Vec3d to = tip_m[tick - 1] + (tip_m[tick] - tip_m[tick - 1]) * (static_cast<double>(i) / steps);
       const ContactState<double> before = contact;
+      velocity_before_m_s = surface.state().velocity_m_s;
       step_contact(surface, contact, ContactLaw<double>{}, from, to);
-      Vec3d moved_m{};
+      Vec3d mean_velocity_m_s{};
       const auto corner = surface.corners(surface.triangle());
-      for (std::size_t c = 0; c < 3; ++c)
-        moved_m += (surface.position(corner[c]) - surface.position_before(corner[c])) *
-                   surface.barycentric()[c];
-      observer.add(before, contact, to - from, moved_m);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const auto node = static_cast<Eigen::Index>(corner[c]);
+        mean_velocity_m_s +=
+            from_eigen(velocity_before_m_s.col(node) + surface.state().velocity_m_s.col(node)) *
+            (0.5 * surface.barycentric()[c]);
+      }
+      observer.add(before, contact, (to - from + tip_moved_before_m) * 0.5, mean_velocity_m_s * step_s);
+      tip_moved_before_m = to - from;
       from = to;
     }
     const double now_W = dissipated_power_W(body, surface.state());
@@ -176,16 +183,15 @@ EnergyLoop full_body_loop(const Body& body, SurfaceKind kind, double friction, d
   return observer.result(energy_J(surface) - start_J, damped_J);
 }
 
-EnergyLoop patch_loop(const Body& body, SurfaceKind kind, double friction, const std::vector<Vec3d>& tip_m) {
-  const BodyState rest = body.rest_state();
-  const Vec3d& first = tip_m.front();
-  BoardPatch patch(body, rest, {first.x, first.y, first.z}, kind, friction);
+EnergyLoop patch_loop(const Body& body, SurfaceKind kind, double friction, const Vec3d& centre_m,
+                      const std::vector<Vec3d>& tip_m) {
+  BoardPatch patch(body, body.rest_state(), to_eigen(centre_m), kind, friction);
   Watched<ModalSurface> surface;
   surface.bind(patch.view(), patch.state());
   ContactState<float> contact;
   Observer observer;
   const double start_J = patch.energy_J();
-  Vec3f from = patch.to_patch(first);
+  Vec3f from = patch.to_patch(tip_m.front());
   for (std::size_t tick = 1; tick < tip_m.size(); ++tick) {
     const Vec3f to = patch.to_patch(tip_m[tick]);
     const ModalState before_state = patch.state();

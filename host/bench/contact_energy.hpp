@@ -38,12 +38,12 @@ struct EnergyAccount {
 struct Loop {
   enum class Shape { circle, rectangle };
   Shape shape = Shape::circle;
-  double x_m = 0, y_m = 0;      // centre
-  double half_width_m = 0;      // along x; the circle's radius
-  double half_height_m = 0;     // along y; rectangle only
+  double x_m = 0, y_m = 0;   // centre
+  double half_width_m = 0;   // along x; the circle's radius
+  double half_height_m = 0;  // along y; rectangle only
   double top_m = 0;
   double depth_m = 0;
-  double speed_m_s = 0;         // the largest one
+  double speed_m_s = 0;  // the largest one
 };
 
 // The tip at the ends of servo ticks 0, 1, ...; first and last position are the same, above the surface.
@@ -67,7 +67,8 @@ struct EnergyLoop {
 EnergyLoop full_body_loop(const Body& body, SurfaceKind kind, double friction, double step_s,
                           const std::vector<Vec3d>& tip_m);
 
-// The board's runtime on the paper's patch around the first tip position, linearized at rest.
-EnergyLoop patch_loop(const Body& body, SurfaceKind kind, double friction, const std::vector<Vec3d>& tip_m);
+// The board's runtime on the paper's patch around a point, linearized at rest.
+EnergyLoop patch_loop(const Body& body, SurfaceKind kind, double friction, const Vec3d& centre_m,
+                      const std::vector<Vec3d>& tip_m);
 
 }  // namespace palpate::host::bench

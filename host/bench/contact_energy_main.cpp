@@ -47,7 +47,8 @@ bool first_row = true;
 void print(const char* runtime, const char* place, SurfaceKind kind, double ratio, double mu, double speed,
            const EnergyLoop& r) {
   std::printf(
-      "%s{\"runtime\": \"%s\", \"loop\": \"%s\", \"surface\": \"%s\", \"damping_ratio\": %g, \"friction\": %g, "
+      "%s{\"runtime\": \"%s\", \"loop\": \"%s\", \"surface\": \"%s\", \"damping_ratio\": %g, \"friction\": "
+      "%g, "
       "\"speed_m_s\": %g, \"hand_J\": %.4g, \"body_J\": %.4g, \"friction_J\": %.4g, \"first_contact_J\": "
       "%.3g, \"created_J\": %.3g, \"bound_J\": %.3g, \"largest_step_J\": %.3g, \"integrator_J\": %.3g, "
       "\"mean_force_N\": %.3g, \"largest_force_N\": %.3g, \"crossed\": %d, \"lost\": %d}",
@@ -73,9 +74,9 @@ int main() {
             place.loop.depth_m = kDepth_m;
             place.loop.speed_m_s = speed;
             const auto path = tip_path(place.loop);
-            print("patch", place.name, kind, ratio, mu, speed, patch_loop(body, kind, mu, path));
-            print("body", place.name, kind, ratio, mu, speed,
-                  full_body_loop(body, kind, mu, kStep_s, path));
+            print("patch", place.name, kind, ratio, mu, speed,
+                  patch_loop(body, kind, mu, {place.loop.x_m, place.loop.y_m, place.loop.top_m}, path));
+            print("body", place.name, kind, ratio, mu, speed, full_body_loop(body, kind, mu, kStep_s, path));
             std::fflush(stdout);
           }
   }
