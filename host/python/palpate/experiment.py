@@ -15,7 +15,7 @@ from palpate import __version__, hil, record, record_layout, summary
 from palpate.record_layout import Dataset
 from palpate.scene import Scene, SceneError
 
-_OUTPUTS = ("summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "console.txt")
+OUTPUTS = ("summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "console.txt")
 _TICK_S = 1e-3
 
 
@@ -174,7 +174,7 @@ class _Output:
 def _begin_output(folder: Path) -> _Output:
     """An empty place for the files: those of an earlier experiment go."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in _OUTPUTS:
+    for name in OUTPUTS:
         (folder / name).unlink(missing_ok=True)
     return _Output(folder)
 

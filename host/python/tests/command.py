@@ -8,8 +8,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def palpate(*arguments: str, cwd: Path = ROOT) -> "subprocess.CompletedProcess[str]":
-    """`palpate ARGUMENTS` in a process of its own."""
+def palpate(*arguments: str, cwd: Path = ROOT, timeout_s: float = 300.0) -> "subprocess.CompletedProcess[str]":
+    """`palpate ARGUMENTS` in a process of its own, which must end within timeout_s."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "host/python")}
     return subprocess.run(
         [sys.executable, "-m", "palpate", *arguments],
@@ -17,5 +17,5 @@ def palpate(*arguments: str, cwd: Path = ROOT) -> "subprocess.CompletedProcess[s
         env=environment,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=timeout_s,
     )

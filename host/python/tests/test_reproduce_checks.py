@@ -1,6 +1,7 @@
 """Checks of the paper's figures on made-up records: each passes on what the paper describes and fails on what it denies."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,11 @@ from numpy.typing import NDArray
 
 from palpate.reproduce import fig12, fig13, fig14, fig15, fig16, fig17
 from palpate.reproduce.checks import Check, all_passed
+from palpate.reproduce.figure import Run
 from palpate.reproduce.forces import contact_forces, largest_ratio
+from palpate.reproduce.results import run_checks
+from palpate.reproduce.runner import Done, Job
+from palpate.scene import load_scene
 
 Array = NDArray[Any]
 UP = np.array([0.0, 0.0, 1.0])
@@ -52,6 +57,34 @@ def test_a_check_passes_within_its_tolerance(measured: float, bounds: dict[str, 
     assert row["tolerance"] == (bounds or None)
     assert row["measured"] == (measured if np.isfinite(measured) else None)
     assert all_passed([check]) == (passed is not False)
+
+
+@pytest.mark.parametrize("key", ["faults", "missed_deadlines", "frames_lost", "background_overruns"])
+def test_a_run_that_is_not_what_its_scene_says_fails_the_figure(key: str) -> None:
+    calm = {"faults": 0, "missed_deadlines": 0, "frames_lost": 0, "background_overruns": 0}
+
+    def done(summary: dict[str, int]) -> Done:
+        run = Run("any", "fig15")
+        return Done(Job("fig15", run, load_scene(run.file), Path()), {}, summary)
+
+    assert all_passed(run_checks([done(calm)]))
+    assert not all_passed(run_checks([done(calm), done({**calm, key: 1})]))
+
+
+# ---- constants that repeat a scene
+
+
+def test_constants_are_those_of_the_scenes() -> None:
+    twelve, thirteen, sixteen, seventeen = (
+        load_scene(figure.FIGURE.runs[0].file).sections for figure in (fig12, fig13, fig16, fig17)
+    )
+    assert [drive.release_s for drive in twelve.body.drives] == [fig12.RELEASE_S]
+    assert [drive.release_s for drive in thirteen.body.drives] == [fig13.RELEASE_S]
+    assert twelve.rates.model_update_Hz == fig12.GLOBAL_RATE_HZ
+    assert thirteen.rates.model_update_Hz == fig13.GLOBAL_RATE_HZ
+    assert (sixteen.contact.static_friction, sixteen.contact.kinetic_friction) == (fig16.KINETIC, fig16.KINETIC)
+    assert [change.time_s for change in seventeen.hand.grip_changes] == [fig17.LOOSEN_S]
+    assert {seventeen.hand.grip} == {fig17.GRIPS[0]} and seventeen.rates.model_update_Hz == 30.0
 
 
 # ---- records
@@ -311,6 +344,28 @@ def test_a_run_that_was_cut_is_unstable_and_has_no_amplitude() -> None:
     assert failed(checks) == []
     assert rows["without: largest grip that oscillates or is cut"] == 0.2
     assert len(failed(figure_17({0.1: 2e-3}, {0.1: CUT}))) == 1
+
+
+def test_the_limit_of_stability_is_bisected() -> None:
+    """A made-up arm that swings below a grip of 0.137."""
+    limit = 0.137
+
+    def run(grip: float) -> dict[str, Array]:
+        return trembling(2e-3 if grip < limit else 0.0)
+
+    records = {f"{kind}_{grip:g}": run(grip) for kind in ("with", "without") for grip in fig17.GRIPS}
+    tried = 0
+    while runs := fig17.more(records):
+        (further,) = runs
+        (change,) = further.overrides["hand.grip_changes"]
+        records[further.name] = run(change["grip"])
+        tried += 1
+    assert tried == fig17.BISECTIONS
+    low, high = fig17.limit(records, "without")
+    assert low < limit <= high
+    assert high - low == pytest.approx((0.2 - 0.1) / 2**fig17.BISECTIONS)
+    calm = {name: trembling(0.0) for name in records}
+    assert fig17.more(calm) == ()
 
 
 def test_figure_17_fails_where_both_or_none_oscillate() -> None:

@@ -14,6 +14,7 @@ from palpate.reproduce import command, report
 from palpate.reproduce.catalogue import FIGURES
 from palpate.reproduce.checks import Check
 from palpate.reproduce.figure import PaperFigure, Run
+from palpate.reproduce.folders import clear
 from palpate.reproduce.results import FigureResult
 from palpate.scene import SceneError, load_scene
 from palpate.scene_overrides import parse_override
@@ -149,14 +150,68 @@ def test_an_unknown_figure_is_refused_on_one_line_with_the_known_ones() -> None:
     )
 
 
+FIFTEEN = [FIGURES["fig15"]]
+
+
+def test_only_results_are_deleted(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run = out / "fig15/drag"
+    run.mkdir(parents=True)
+    for file in (out / "fig15/plot.png", out / "fig15/results.json", run / "record.h5", run / "summary.json"):
+        file.write_bytes(b"old")
+    report.write_report(out / "index.html", [result(tmp_path)], hil=False)
+    other = out / "fig16/mine.txt"
+    other.parent.mkdir()
+    other.write_text("mine")
+    clear(out, FIFTEEN)
+    assert not (out / "fig15").exists() and not (out / "index.html").exists()
+    assert other.read_text() == "mine"
+    clear(out, FIFTEEN)  # nothing there
+
+
+@pytest.mark.parametrize("mine", ["fig15/mine.txt", "fig15/drag/mine.txt", "fig15/drag/deep/record.h5", "index.html", "fig15"])
+def test_nothing_is_deleted_where_other_files_are(tmp_path: Path, mine: str) -> None:
+    if mine != "fig15":
+        (tmp_path / "fig15/drag").mkdir(parents=True)
+        (tmp_path / "fig15/results.json").write_text("{}")
+    file = tmp_path / mine
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    done = palpate("reproduce", "fig15", "--out", str(tmp_path))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1 and "not a result of palpate reproduce" in done.stderr
+    assert str(tmp_path / mine).startswith(done.stderr.split(": ")[1])
+    assert sorted(tmp_path.rglob("*")) == before and file.read_text() == "mine"
+
+
+def test_a_link_is_not_followed(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "results.json").write_text("{}")
+    (tmp_path / "fig15").symlink_to(elsewhere)
+    with pytest.raises(SceneError, match="fig15"):
+        clear(tmp_path, FIFTEEN)
+    assert (elsewhere / "results.json").exists()
+
+
 @pytest.mark.slow
-def test_figure_15_from_end_to_end(tmp_path: Path) -> None:
-    done = palpate("reproduce", "fig15", "--out", str(tmp_path / "out"), "--json", cwd=ROOT)
-    assert done.returncode == 0, done.stderr
+def test_all_figures_from_end_to_end(tmp_path: Path) -> None:
+    done = palpate("reproduce", "all", "--out", str(tmp_path / "out"), "--json", cwd=ROOT, timeout_s=1800)
+    assert done.returncode == 0, done.stdout + done.stderr
     printed = json.loads(done.stdout)
-    stored = json.loads((tmp_path / "out/fig15/results.json").read_text(encoding="utf-8"))
-    assert printed["figures"]["fig15"] == stored
-    assert stored["pass"] is True
-    for name in ("fig15/plot.png", "fig15/drag/record.h5", "fig15/drag/summary.json", "index.html"):
-        assert (tmp_path / "out" / name).stat().st_size > 0
-    read(Path(printed["report"]))
+    assert printed["pass"] is True and list(printed["figures"]) == list(FIGURES)
+    for name, figure in FIGURES.items():
+        folder = tmp_path / "out" / name
+        stored = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+        assert printed["figures"][name] == stored
+        assert stored["pass"] is True
+        assert (folder / "plot.png").stat().st_size > 0
+        names = [run["name"] for run in stored["runs"]]
+        assert names[: len(figure.runs)] == [run.name for run in figure.runs]
+        assert sorted(entry.name for entry in folder.iterdir() if entry.is_dir()) == sorted(names)
+        for run in names:
+            for file in ("record.h5", "summary.json"):
+                assert (folder / run / file).stat().st_size > 0
+    page = read(Path(printed["report"]))
+    assert "FAIL" not in page.text

@@ -1,19 +1,20 @@
 """`palpate reproduce`: from names of figures to results and the report."""
 
 import os
-import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from palpate.experiment import ProgressBar
 from palpate.reproduce.catalogue import FIGURES
-from palpate.reproduce.figure import PaperFigure
+from palpate.reproduce.figure import PaperFigure, Record
+from palpate.reproduce.folders import REPORT, clear
 from palpate.reproduce.report import format_number, format_tolerance, write_report
 from palpate.reproduce.results import FigureResult, evaluate
-from palpate.reproduce.runner import jobs, run_all
+from palpate.reproduce.runner import Done, jobs, run_all
 from palpate.scene import SceneError
 
 NATIVE, HIL = "native", "mps2_an386"
@@ -37,15 +38,14 @@ def reproduce(
     progress: Callable[[str, str], AbstractContextManager[ProgressBar]],
 ) -> tuple[list[FigureResult], Path]:
     """Runs the figures' scenes, evaluates them, and writes `out`/figNN and the report; returns the results and the
-    report's file. What an earlier run left of these figures goes. Raises SceneError, hil.BoardError, or what the core
-    raises."""
+    report's file. What an earlier run left of these figures goes. Raises SceneError (also where other files are in their
+    place), hil.BoardError, or what the core raises."""
     board = HIL if hil else NATIVE
     planned = jobs(figures, out, board)
-    (out / "index.html").unlink(missing_ok=True)
-    for figure in figures:
-        shutil.rmtree(out / figure.name, ignore_errors=True)
-    total = sum(job.ticks for job in planned)
-    counted, lock = 0, Lock()
+    clear(out, figures)
+    total, counted, lock = 0, 0, Lock()
+    done: list[Done] = []
+    figures = list(figures)
     with progress(f"{len(planned)} runs on {board}", "tick") as bar:
 
         def count(ticks: int) -> None:
@@ -54,14 +54,25 @@ def reproduce(
                 counted += ticks
                 bar(counted, total)
 
-        done = run_all(core, planned, max(1, len(os.sched_getaffinity(0))), count)
+        while planned:
+            total += sum(job.ticks for job in planned)
+            done += run_all(core, planned, max(1, len(os.sched_getaffinity(0))), count)
+            more = [replace(figure, runs=figure.more(_records(done, figure))) for figure in figures]
+            planned = jobs(more, out, board)
+            figures = [
+                replace(figure, runs=figure.runs + further.runs) for figure, further in zip(figures, more, strict=True)
+            ]
     results = []
     with progress("figures", "figure") as bar:
         for i, figure in enumerate(figures):
             own = [run for run in done if run.job.figure == figure.name]
             results.append(evaluate(figure, own, out / figure.name))
             bar(i + 1, len(figures))
-    return results, write_report(out / "index.html", results, hil)
+    return results, write_report(out / REPORT, results, hil)
+
+
+def _records(done: Sequence[Done], figure: PaperFigure) -> dict[str, Record]:
+    return {run.job.run.name: run.record for run in done if run.job.figure == figure.name}
 
 
 def format_results(results: Sequence[FigureResult]) -> str:

@@ -76,7 +76,6 @@ def checks(records: Records) -> list[Check]:
                 at_most=LARGEST_JUMP_RATIO,
             )
         )
-    rows.append(Check("multi-rate: largest jump", much_lower, _MILLI * jump_N(exact), "mN", "reported only"))
     rows.append(
         Check(
             "multi-rate, local model discarded: largest jump relative to that of global 30 Hz",
@@ -107,7 +106,12 @@ def checks(records: Records) -> list[Check]:
             at_most=1.0,
         )
     )
-    for record, name in ((as_in_paper, "the paper’s feedback"), (discard, "local model discarded")):
+    others = (
+        (as_in_paper, "the paper’s feedback"),
+        (discard, "local model discarded"),
+        (small, "patch of 4x4x2 nodes"),
+    )
+    for record, name in others:
         rows.append(
             Check(
                 f"multi-rate, {name}: rms error relative to that of global 30 Hz",
@@ -117,6 +121,9 @@ def checks(records: Records) -> list[Check]:
                 "reported only: the paper claims lower jumps, not a smaller error, and shows no error",
             )
         )
+    for record, name in ((exact, "multi-rate"), *((record, f"multi-rate, {name}") for record, name in others)):
+        rows.append(Check(f"{name}: largest jump", NO_NUMBER, _MILLI * jump_N(record), "mN", "reported only"))
+        rows.append(Check(f"{name}: rms error", NO_NUMBER, _MILLI * rms_error_N(record), "mN", "reported only"))
     fast_stair = jump_N(records["fast_hold"])
     rows.append(
         Check(
@@ -185,7 +192,7 @@ FIGURE = PaperFigure(
         "The body is not that of the other figures. The paper’s sinusoid spans many frames; the reference material "
         "swings at 10 Hz, in three of them. Here nodes of 40 g on springs of 2.5 N/m with a damping ratio of 0.2 swing "
         "at 0.6 Hz, slowly enough for the linear model between updates, as the paper presumes. The last row has the "
-        "reference material.",
+        "reference material, with which the jumps are no smaller: this body was chosen for the effect.",
         "“Multi-rate” is our way: the full body goes through the same contact as the board. “The paper’s feedback” "
         "overwrites the patch’s nodes in the full body with those of the board; “discarded” is the basic scheme of "
         "section 2, in which the full body learns no more than where the instrument is. The paper’s feedback has jumps as small as "

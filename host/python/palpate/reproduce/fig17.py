@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
 from palpate.reproduce.figure import PaperFigure, Record, Records, Run
-from palpate.reproduce.forces import TICK_S, time_s
+from palpate.reproduce.forces import time_s
+from palpate.scene_sections import TICK_S
 
 LOOSEN_S = 1.5
 # Grips after loosening; 1 keeps the grip, 0 lets go.
 GRIPS = (1.0, 0.3, 0.2, 0.1, 0.03, 0.01, 0.0)
+# How often the largest unstable grip without the local model is bisected, between it and the calm one above it.
+BISECTIONS = 4
 # What counts as none: below twice the encoders' resolution of 0.03 mm, which the arm may rattle about in.
 LARGEST_CALM_M = 5e-5
 # What counts as oscillation: ten times that.
@@ -60,12 +63,23 @@ def _amplitudes_m(records: Records, kind: str) -> NDArray[Any]:
     return np.array([oscillation(records[_name(kind, grip)])[0] for grip in GRIPS])
 
 
-def _largest_unstable_grip(amplitudes_m: NDArray[Any]) -> float:
-    """A grip whose motors were cut is unstable; NaN where every grip is calm."""
-    return max(
-        (grip for grip, span_m in zip(GRIPS, amplitudes_m, strict=True) if not span_m <= LARGEST_CALM_M),
-        default=float("nan"),
-    )
+def limit(records: Records, kind: str) -> tuple[float, float]:
+    """The largest grip of all runs that is unstable, and the smallest calm one above it; NaN for none. A grip whose
+    motors were cut is unstable."""
+    spans_m = {
+        float(name.removeprefix(f"{kind}_")): oscillation(record)[0]
+        for name, record in records.items()
+        if name.startswith(f"{kind}_")
+    }
+    unstable = max((grip for grip, span_m in spans_m.items() if not span_m <= LARGEST_CALM_M), default=float("nan"))
+    return unstable, min((grip for grip in spans_m if grip > unstable), default=float("nan"))
+
+
+def more(records: Records) -> tuple[Run, ...]:
+    """The next grip of the bisection without the local model."""
+    tried = sum(name.startswith(f"{_WITHOUT}_") for name in records) - len(GRIPS)
+    middle = 0.5 * sum(limit(records, _WITHOUT))
+    return (_run(_WITHOUT, middle),) if tried < BISECTIONS and np.isfinite(middle) else ()
 
 
 def _worst_grip(amplitudes_m: NDArray[Any]) -> float:
@@ -115,9 +129,16 @@ def checks(records: Records) -> list[Check]:
         Check(
             "without: largest grip that oscillates or is cut",
             NO_NUMBER,
-            _largest_unstable_grip(without_m),
+            limit(records, _WITHOUT)[0],
             "",
-            "reported only, out of those tried; 1 is a firm grip of 5,000 N/m",
+            "reported only, bisected; 1 is a firm grip of 5,000 N/m",
+        ),
+        Check(
+            "without: smallest calm grip above it",
+            NO_NUMBER,
+            limit(records, _WITHOUT)[1],
+            "",
+            "reported only: the limit of stability lies between the two",
         ),
         Check(
             "with the local model, tight grip: oscillation, peak to peak",
@@ -138,7 +159,7 @@ def checks(records: Records) -> list[Check]:
         Check(
             "with: largest grip that oscillates or is cut",
             with_it,
-            _largest_unstable_grip(with_m),
+            limit(records, _WITH)[0],
             "",
             "reported only, out of those tried",
         ),
@@ -204,7 +225,8 @@ FIGURE = PaperFigure(
         "The simulated hand presses 5 mm in with a firm grip, and at 1.5 s loosens it; without the local model the force "
         "is that of the global model at 30 Hz, held between updates. Oscillation is the tip’s motion in the plant from "
         "2.5 s on, without drift slower than 0.5 s, peak to peak along the axis on which it is largest. Where the "
-        "board’s safety supervisor cut the motors before, there is no amplitude: the swing had grown too fast for it.",
+        "board’s safety supervisor cut the motors before, there is no amplitude: the swing had grown too fast for it. Seven "
+        "grips are tried; between the largest that swings without the local model and the calm one above it, four more.",
         "A loosened hand still rests on the tool: its grip is a softer spring. Completely released, the arm is pushed "
         "out by the body and floats away: it has no weight to fall back with, since the board compensates it. Then "
         "“no oscillation” means that it comes to rest without touching the body again and again.",
@@ -214,4 +236,5 @@ FIGURE = PaperFigure(
     runs=tuple(_run(kind, grip) for kind in (_WITHOUT, _WITH) for grip in GRIPS),
     checks=checks,
     draw=draw,
+    more=more,
 )

@@ -52,7 +52,8 @@ class PaperFigure:
     """One figure of the paper.
 
     claims: quotations in short, each with its section. setting: what was done here, and how that differs. caption: what
-    our plot shows. checks: from the records. draw: the plot, into a PNG file. tables: lists of events, if any.
+    our plot shows. checks: from the records. draw: the plot, into a PNG file. tables: lists of events, if any. more: runs
+    that follow from the records so far; it is asked again with theirs, until there are none.
     """
 
     name: str
@@ -64,3 +65,4 @@ class PaperFigure:
     checks: Callable[[Records], list[Check]]
     draw: Callable[[Records, Path], None]
     tables: Callable[[Records], list[Table]] = lambda records: []
+    more: Callable[[Records], tuple[Run, ...]] = lambda records: ()

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from palpate.figures import split_force
 from palpate.reproduce.figure import Record
+from palpate.scene_sections import TICK_S
 
-TICK_S = 1e-3
 FREE, STICK, SLIP = 0, 1, 2
 # The hand counts as dragging while its target moves sideways faster than this: far below the 5 to 20 mm/s of a drag.
 _DRAG_SPEED_M_S = 1e-3

@@ -43,6 +43,7 @@ a { color: #17508f; }
 }
 """
 
+TITLE = "The paper’s figures, reproduced"
 _PAPER = (
     "P. Jacobs, M. J. Fu and M. C. Çavuşoğlu, <cite>High Fidelity Haptic Rendering of Frictional Contact with "
     "Deformable Objects in Virtual Environments using Multi-rate Simulation</cite>, International Journal of Robotics "
@@ -99,8 +100,8 @@ def _head(results: Sequence[FigureResult], hil: bool) -> str:
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>The paper’s figures, reproduced</title><style>{_STYLE}</style></head><body>
-<h1>The paper’s figures, reproduced</h1>
+<title>{TITLE}</title><style>{_STYLE}</style></head><body>
+<h1>{TITLE}</h1>
 <p>{_PAPER}: the experiments of sections 5 and 6.1, run again with palpate {html.escape(__version__)}. The firmware ran
 {where}, a thousand ticks a second of virtual time, against a simulated arm; the full body and the local models came
 from the host at 30 Hz. All of it repeats to the bit.</p>

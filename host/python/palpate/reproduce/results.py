@@ -11,6 +11,10 @@ from palpate.reproduce.figure import PaperFigure, Table
 from palpate.reproduce.runner import Done
 
 
+# Files of a figure, beside the folders of its runs.
+PLOT, RESULTS = "plot.png", "results.json"
+
+
 @dataclass(frozen=True)
 class FigureResult:
     """A figure with what came out. plot: PNG file; summaries: summary.json of each run, by its name."""
@@ -63,14 +67,23 @@ def run_checks(done: Sequence[Done]) -> list[Check]:
             "",
             "none: the runs must be what their scenes say",
             at_most=0,
-        )
+        ),
+        Check(
+            "ticks whose work in the background was left over, in all runs",
+            NO_NUMBER,
+            sum(int(run.summary["background_overruns"]) for run in done),
+            "",
+            "none: where some is left over, a model may be taken over a tick later than on the other board, and the hashes "
+            "of the records differ",
+            at_most=0,
+        ),
     ]
 
 
 def evaluate(figure: PaperFigure, done: Sequence[Done], folder: Path) -> FigureResult:
     """Checks and plot of a figure; writes plot.png and, last, results.json to its folder. done: its runs."""
     records = {run.job.run.name: run.record for run in done}
-    plot = folder / "plot.png"
+    plot = folder / PLOT
     figure.draw(records, plot)
     result = FigureResult(
         figure,
@@ -79,7 +92,7 @@ def evaluate(figure: PaperFigure, done: Sequence[Done], folder: Path) -> FigureR
         {run.job.run.name: run.summary for run in done},
         figure.tables(records),
     )
-    (folder / "results.json").write_text(
+    (folder / RESULTS).write_text(
         json.dumps(result.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
     )
     return result
