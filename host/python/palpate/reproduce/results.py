@@ -53,15 +53,16 @@ class FigureResult:
 
 
 def run_checks(done: Sequence[Done]) -> list[Check]:
-    """What must hold in every run, or its numbers mean nothing."""
+    """What must hold in every run, or its numbers mean nothing. On a board that computes in real time or emulates it, work
+    in the background may be left over and a model's frame then be lost: there both are only reported."""
+    paced = any(run.summary["board"] != "native" for run in done)
+    most = None if paced else 0
     return [
         Check(
-            "unexpected faults of the board, missed deadlines and lost frames in all runs",
+            "unexpected faults of the board and missed deadlines in all runs",
             NO_NUMBER,
             sum(
-                int(run.summary["faults"] != 0 and not run.job.run.may_fault)
-                + int(run.summary["missed_deadlines"])
-                + int(run.summary["frames_lost"])
+                int(run.summary["faults"] != 0 and not run.job.run.may_fault) + int(run.summary["missed_deadlines"])
                 for run in done
             ),
             "",
@@ -69,13 +70,26 @@ def run_checks(done: Sequence[Done]) -> list[Check]:
             at_most=0,
         ),
         Check(
+            "lost frames in all runs",
+            NO_NUMBER,
+            sum(int(run.summary["frames_lost"]) for run in done),
+            "",
+            "reported only: a model that comes while the board is still busy with the one before is lost, and the next one "
+            "takes its place"
+            if paced
+            else "none: this board always has the time",
+            at_most=most,
+        ),
+        Check(
             "ticks whose work in the background was left over, in all runs",
             NO_NUMBER,
             sum(int(run.summary["background_overruns"]) for run in done),
             "",
-            "none: where some is left over, a model may be taken over a tick later than on the other board, and the hashes "
-            "of the records differ",
-            at_most=0,
+            "reported only: a model may then be taken over some ticks later than on the native board, and the hashes of the "
+            "records may differ; the servo’s deadlines are judged above"
+            if paced
+            else "none: this board always has the time",
+            at_most=most,
         ),
     ]
 
