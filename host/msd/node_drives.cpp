@@ -50,7 +50,8 @@ double minimum_jerk(double u) {
 
 }  // namespace
 
-NodeDrives::NodeDrives(const Body& body, std::vector<NodeDrive> drives, double step_s) : step_s_(step_s) {
+NodeDrives::NodeDrives(const Body& body, const std::vector<NodeDrive>& drives, double step_s)
+    : step_s_(step_s) {
   validate(body, drives);
   for (const NodeDrive& drive : drives) {
     Scheduled scheduled{drive, std::llround(drive.start_s / step_s), std::llround(drive.release_s / step_s)};

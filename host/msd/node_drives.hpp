@@ -29,7 +29,7 @@ class NodeDrives {
   // Throws std::invalid_argument, naming drive, key and value, for a node that does not exist or is fixed,
   // for times that are not finite or do not fulfil 0 <= start < reach <= release, for displacements that are
   // not finite or leave the plane of a planar body, and for a node that is driven twice at a time.
-  NodeDrives(const Body& body, std::vector<NodeDrive> drives, double step_s);
+  NodeDrives(const Body& body, const std::vector<NodeDrive>& drives, double step_s);
 
   // Gives every node that is driven in this step the velocity that takes it to its prescribed place within
   // the step. The force of the drive is m (this velocity - the one before) / step.
