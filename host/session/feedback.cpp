@@ -52,6 +52,7 @@ class Paper final : public FeedbackScheme {
  public:
   void advance(BodySurface& surface, ContactState<double>& contact, const TipHistory& path,
                std::uint32_t from, std::uint32_t until) override {
+    if (from == until) return;
     const int steps = steps_per_tick(surface.step_s());
     for (std::uint32_t tick = from; tick != until; ++tick) {
       for (int i = 0; i < steps; ++i) surface.advance();

@@ -1,5 +1,5 @@
 // What the full body learns of the tip and of the local model between two updates, and what the board is sent
-// for it (Jacobs, Fu, Cavusoglu 2010, section 3; docs/architecture.md, "Feedback").
+// for it (Jacobs, Fu, Cavusoglu 2010, section 3; docs/decisions/feedback.md).
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,8 @@ class FeedbackScheme {
   virtual ~FeedbackScheme() = default;
 
   // Brings body and contact from the end of tick `from` to the end of tick `until`; path knows the tip in all
-  // of them. Throws as BodySurface and ModelReplay do.
+  // of them. Where a frame was lost the two may be equal: then nothing changes. Throws as BodySurface and
+  // ModelReplay do.
   virtual void advance(BodySurface& surface, ContactState<double>& contact, const TipHistory& path,
                        std::uint32_t from, std::uint32_t until) = 0;
   // What the board is sent.

@@ -111,7 +111,26 @@ def test_geometry_fed_back_takes_the_jumps_out(runs: dict[str, Run]) -> None:
     assert max(jump_N["exact"], jump_N["paper"]) < 0.75 * min(jump_N["discard"], jump_N["hold"]), jump_N
 
 
-def test_the_exact_scheme_is_closest_of_those_without_jumps(runs: dict[str, Run]) -> None:
-    """The paper's own feedback lets the full body spring back between two updates; a held force is late by one."""
+def test_errors_of_the_schemes(runs: dict[str, Run]) -> None:
+    """On average exact and discard are closest, for their bodies have the right contact at each update. A held force is
+    late by one; the paper's own feedback lets the full body spring back between two updates."""
     error = {scheme: runs[scheme][0]["rms_force_error_percent"] for scheme in SCHEMES}
-    assert error["exact"] < 0.75 * min(error["paper"], error["hold"]), error
+    # Measured: 9.2, 9.5, 12.3 and 29.3 %.
+    assert max(error["exact"], error["discard"]) < 0.85 * error["hold"], error
+    assert error["hold"] < 0.75 * error["paper"], error
+
+
+# Without them there is no news at one update, and no trace of the gap is sent again before the next.
+LOST_TRACES = "[link.faults]\ndrop_up = [40, 41, 42, 43, 44, 60, 72]\n"
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_lost_traces_do_not_end_a_run(tmp_path: Path, scheme: str) -> None:
+    (tmp_path / "scene.toml").write_text(f'{SCENE}"{scheme}"\n{LOST_TRACES}')
+    done = palpate("run", "scene.toml", "--json", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["frames_lost"] >= 7
+    assert summary["faults"] == summary["models_refused"] == 0
+    assert summary["contact_ticks"] > 550
+    assert summary["model_updates"] >= 15
