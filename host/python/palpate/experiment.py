@@ -212,6 +212,21 @@ def _touched_friction(
     return friction
 
 
+def _rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Normals (n, 3) for splitting the rendered forces. A held force comes without one: in its ticks that of the
+    reference, or else of the triangle at rest."""
+    normal = values["ticks/normal"].astype(np.float64)
+    touching = values["ticks/contact_mode"] != 0
+    if "reference/normal" in values:
+        unknown = touching & ~np.any(normal, axis=1) & np.all(np.isfinite(values["reference/normal"]), axis=1)
+        normal[unknown] = values["reference/normal"][unknown]
+    unknown = touching & ~np.any(normal, axis=1)
+    a, b, c = np.moveaxis(values["body/rest_m"][values["body/triangles"][values["ticks/triangle"][unknown]]], 1, 0)
+    at_rest = np.cross(b - a, c - a)
+    normal[unknown] = at_rest / np.linalg.norm(at_rest, axis=1, keepdims=True)
+    return normal
+
+
 def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
@@ -227,7 +242,7 @@ def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], 
         files.add("forces.png"),
         title=_title(scene, f"firmware on {scene.sections.board.name}"),
         time_s=time_s,
-        rendered=figures.ForceTrace(values["ticks/force_N"], mode, values["ticks/normal"]),
+        rendered=figures.ForceTrace(values["ticks/force_N"], mode, _rendered_normal(values)),
         friction=_touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=age,

@@ -35,7 +35,7 @@ _MM = 1e3
 @dataclass(frozen=True)
 class ForceTrace:
     """Tip force on the body and contact mode over time. force_N: (n, 3), device frame; contact_mode: (n,) 0, 1, 2.
-    normal: (n, 3), outward surface normal at the contact (NaN: none), for splitting the force."""
+    normal: (n, 3), outward surface normal at the contact (NaN or zero: none), for splitting the force."""
 
     force_N: Array
     contact_mode: Array
@@ -56,8 +56,8 @@ class BodyShape:
 
 def split_force(force_N: Array, normal: Array) -> tuple[Array, Array]:
     """Pressing part along the inward normal and magnitude of the rest, in N. force_N, normal: (n, 3); normals point
-    out of the body and are of unit length; where one is NaN the whole force counts as pressing."""
-    known: Array = np.all(np.isfinite(normal), axis=1)
+    out of the body and are of unit length; where one is NaN or zero the whole force counts as pressing."""
+    known: Array = np.all(np.isfinite(normal), axis=1) & np.any(normal != 0.0, axis=1)
     pressing_N = np.where(known, -np.einsum("ij,ij->i", force_N, normal), np.linalg.norm(force_N, axis=1))
     tangential_N = np.where(known[:, None], force_N + pressing_N[:, None] * normal, 0.0)
     return pressing_N, np.linalg.norm(tangential_N, axis=1)

@@ -101,8 +101,8 @@ def test_sheet(tmp_path: Path) -> None:
 
 
 def test_split_of_a_force() -> None:
-    normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [np.nan] * 3])
-    force_N = np.array([[3.0, 4.0, -2.0], [0.0, -0.6, -0.8], [0.0, 3.0, 4.0]])
+    normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [np.nan] * 3, [0, 0, 0]])
+    force_N = np.array([[3.0, 4.0, -2.0], [0.0, -0.6, -0.8], [0.0, 3.0, 4.0], [6.0, 0.0, -8.0]])
     pressing_N, tangential_N = figures.split_force(force_N, normal)
-    np.testing.assert_allclose(pressing_N, [2.0, 1.0, 5.0], atol=1e-15)
-    np.testing.assert_allclose(tangential_N, [5.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(pressing_N, [2.0, 1.0, 5.0, 10.0], atol=1e-15)
+    np.testing.assert_allclose(tangential_N, [5.0, 0.0, 0.0, 0.0], atol=1e-15)
