@@ -145,16 +145,20 @@ BodyTick advance_tick(BodySurface& surface, ContactState<double>& contact, const
                       const Vec3d& tip_before_m, const Vec3d& tip_m) {
   const int steps = steps_per_tick(surface.step_s());
   BodyTick result{};
-  Vec3d tip = tip_before_m;
+  Vec3d tip = tip_before_m, weighted_normal{};
   for (int i = 1; i <= steps; ++i) {
     const Vec3d next = tip_before_m + (tip_m - tip_before_m) * (static_cast<double>(i) / steps);
     step_contact(surface, contact, law, tip, next);
     result.mean_force_N += contact.force_N * (1.0 / steps);
+    weighted_normal += contact.normal * norm(contact.force_N);
     tip = next;
   }
   result.contact = contact;
-  if (contact.mode != ContactMode::free)
-    result.normal = surface.normal_before(contact.triangle, contact.barycentric);
+  if (weighted_normal != Vec3d{}) {
+    result.normal = normalized(weighted_normal);
+  } else if (contact.mode != ContactMode::free) {
+    result.normal = contact.normal;
+  }
   return result;
 }
 

@@ -79,7 +79,10 @@ static_assert(ContactSurface<BodySurface>);
 struct BodyTick {
   Vec3d mean_force_N{};            // of the tip on the body, averaged over the tick: what the hand feels
   ContactState<double> contact{};  // at the end of the tick
-  Vec3d normal{};                  // of the surface at the contact, outward; zero when free
+  // Outward unit normal in which mean_force_N was found: the mean of the steps' contact normals, weighted by
+  // their forces, so that the force of a frictionless contact lies in it. Without a force that of the last
+  // step; zero where there is no contact either.
+  Vec3d normal{};
 };
 
 // Advances body and contact by one servo tick (kTick_s) in an integer number of the surface's steps; the tip

@@ -252,11 +252,34 @@ TEST(AdvanceTick, NothingPulls) {
     const BodyTick tick = advance_tick(surface, contact, law, path.tip_m[i - 1], path.tip_m[i]);
     EXPECT_LE(tick.mean_force_N.z, 0.0) << "tick " << i;
     touched |= tick.contact.mode != ContactMode::free;
-    EXPECT_EQ(tick.normal == Vec3d{}, tick.contact.mode == ContactMode::free);
+    EXPECT_EQ(tick.normal == Vec3d{}, tick.contact.mode == ContactMode::free && tick.mean_force_N == Vec3d{});
   }
   EXPECT_TRUE(touched);
   EXPECT_EQ(contact.mode, ContactMode::free);
   EXPECT_EQ(contact.force_N, Vec3d{});
+}
+
+// The tip turns the normal as it slides; each of the tick's forces lies in its own.
+TEST(AdvanceTick, WithoutFrictionTheMeanForceLiesInTheNormal) {
+  const Body body = block(5);
+  BodySurface surface(body, body.rest_state(), 1e-4);
+  ContactState<double> contact;
+  const ContactLaw<double> law{};
+  Path path({0.0115, 0.0215, 2e-3});
+  path.to({0.0115, 0.0215, -3e-3}, 100).to({0.0325, 0.0245, -3e-3}, 250).to({0.0325, 0.0245, 2e-3}, 50);
+  int pressed = 0;
+  double largest_turn = 0.0;
+  for (std::size_t i = 1; i < path.tip_m.size(); ++i) {
+    const BodyTick tick = advance_tick(surface, contact, law, path.tip_m[i - 1], path.tip_m[i]);
+    if (tick.mean_force_N == Vec3d{}) continue;
+    ++pressed;
+    EXPECT_NEAR(norm(tick.normal), 1.0, kRounding);
+    const double pressing_N = -dot(tick.mean_force_N, tick.normal);
+    EXPECT_LE(norm(tick.mean_force_N + tick.normal * pressing_N), kRounding * pressing_N) << "tick " << i;
+    largest_turn = std::max(largest_turn, norm(tick.normal - contact.normal));
+  }
+  EXPECT_GT(pressed, 200);
+  EXPECT_GT(largest_turn, 1e-6);  // the steps' normals do differ
 }
 
 TEST(AdvanceTick, ATriangleOfFixedNodesIsASpringBeforeAWall) {

@@ -40,7 +40,7 @@ struct SimulationResult {
   // One entry per tick 1 ... ticks.
   std::vector<Vec3d> mean_force_N;      // of the tip on the body, averaged over the tick
   std::vector<ContactMode> mode;        // at its end
-  std::vector<Vec3d> normal;            // outward, at the contact; zero when free
+  std::vector<Vec3d> normal;            // BodyTick::normal
   std::vector<std::uint32_t> triangle;  // that is touched; 0 when free
   std::vector<BodyState> exported;      // one per export tick
   std::vector<Vec3d> probe_m;           // of the probe node, at the end of ticks 1 ... ticks

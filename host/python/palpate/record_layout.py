@@ -57,7 +57,7 @@ TICKS = (
     _tick("contact_mode", "u1", 0, "", "0 free, 1 stick, 2 slip"),
     _tick("triangle", "u4", 0, "", "triangle that is touched; only with a contact mode other than free"),
     _tick("barycentric", "f4", 3, "", "contact point on that triangle"),
-    _tick("normal", "f4", 3, "", "unit outward normal in which the force was found; zero when free"),
+    _tick("normal", "f4", 3, "", "unit outward normal in which the force was found; zero when free, and where the force is held (`model.feedback`)"),
     _tick("mode", "u1", 0, "", "the board's mode: 0 boot, 1 idle, 2 calibrate, 3 render, 4 fault"),
     _tick("faults", "u4", 0, "", "bits of the board's latched faults"),
     _tick("model_sequence", "u4", 0, "", "number of the local model that was rendered; 0: none"),
@@ -131,7 +131,8 @@ REFERENCE = (
         "f8",
         ("ticks", 3),
         "",
-        "outward surface normal at the contact; NaN when free",
+        "unit outward normal in which the force was found: mean of the normals of the tick's steps, weighted by their "
+        "forces; NaN when free",
         optional=True,
     ),
 )
@@ -210,7 +211,8 @@ SIMULATE = (
         "f8",
         ("ticks", 3),
         "",
-        "outward surface normal at the contact; NaN when free",
+        "unit outward normal in which the force was found: mean of the normals of the tick's steps, weighted by their "
+        "forces; NaN when free",
         optional=True,
     ),
     Dataset(
