@@ -8,11 +8,20 @@ from board_peer import LinkCodec, BoardInfo, lockstep, parse_status, square_mode
 OK, PAYLOAD_MALFORMED, SCHEMA_MISMATCH, TOO_LARGE, NOT_FINITE, INCONSISTENT, TOO_OLD, FROM_FUTURE = (
     0, 17, 18, 32, 33, 34, 35, 37)
 _TICK_AT, _FRICTION_AT, _MODES_AT, _SURFACE_AT = 12, 415, 18, 38
+_RADIUS_AT, _STIFFNESS_AT, _DAMPING_AT, _TIP_SOURCE_AT, _CONTACT_AT = 34, 39, 43, 47, 49
 
 
 def patched(model: bytes, at: int, kind: str, value: float) -> bytes:
     data = bytearray(model)
     struct.pack_into(kind, data, at, value)
+    return bytes(data)
+
+
+def in_contact(model: bytes, stretch_m: float = 0.0, inset_m: float = 0.0) -> bytes:
+    """The model with a contact that slips in a corner of triangle 0."""
+    data = bytearray(model)
+    struct.pack_into("<BxH3f3f3ff3ff", data, _CONTACT_AT,
+                     2, 0, 1, 0, 0, 0, 0, 0, stretch_m, 0, 0, inset_m, 0, 0, 0, 0)
     return bytes(data)
 
 
@@ -23,6 +32,16 @@ BAD = {
     "other schema": (lambda m: patched(m, 4, "<Q", 1), {SCHEMA_MISMATCH}),
     "more modes than fit": (lambda m: patched(m, _MODES_AT, "<H", 1000), {TOO_LARGE}),
     "unknown kind of surface": (lambda m: patched(m, _SURFACE_AT, "<B", 7), {INCONSISTENT}),
+    "unknown source of the tip": (lambda m: patched(m, _TIP_SOURCE_AT, "<B", 2), {INCONSISTENT}),
+    "tip too large": (lambda m: patched(m, _RADIUS_AT, "<f", 0.06), {INCONSISTENT}),
+    "negative stiffness": (lambda m: patched(m, _STIFFNESS_AT, "<f", -1.0), {INCONSISTENT}),
+    "stiffness whose inverse is infinite": (lambda m: patched(m, _STIFFNESS_AT, "<f", 1e-44), {INCONSISTENT}),
+    "stiffness is not a number": (lambda m: patched(m, _STIFFNESS_AT, "<f", float("nan")), {INCONSISTENT}),
+    "negative damping": (lambda m: patched(m, _DAMPING_AT, "<f", -1.0), {INCONSISTENT}),
+    "damping is not a number": (lambda m: patched(m, _DAMPING_AT, "<f", float("nan")), {INCONSISTENT}),
+    "stretch is not a number": (lambda m: in_contact(m, stretch_m=float("nan")), {NOT_FINITE}),
+    "inset is not a number": (lambda m: in_contact(m, inset_m=float("nan")), {NOT_FINITE}),
+    "inset beyond the arm's reach": (lambda m: in_contact(m, inset_m=1e20), {INCONSISTENT}),
     "cut off": (lambda m: m[:100], {PAYLOAD_MALFORMED, INCONSISTENT}),
     "of the future": (lambda m: patched(m, _TICK_AT, "<I", 100_000), {FROM_FUTURE}),
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "shared/wire/messages.hpp"
+#include "shared/wire/model_view.hpp"
 
 namespace palpate::firmware {
 namespace {
@@ -18,10 +19,30 @@ bool counts_agree(const palpate_LocalModel_1_0& m) {
          m.basis_scale.count == m.modes && m.basis.count == 3u * m.nodes * m.modes;
 }
 
+// What a model may say of tip, coupling and contact: what a scene may (docs/scenes.md), and offsets within
+// the reach of the arm. Beyond, a model is a fault of its sender.
+constexpr float kLargestTipRadius_m = 0.05f;
+constexpr float kSoftestCoupling_N_m = 10.0f, kStiffestCoupling_N_m = 1e6f;
+constexpr float kLargestCouplingDamping_N_s_m = 1e3f;
+constexpr float kLargestOffset_m = 1.0f;  // stretch, inset, overhang and height
+
+// False for NaN.
+bool is_within(float value, float low, float high) {
+  return value >= low && value <= high;
+}
+
 bool law_is_valid(const palpate_LocalModel_1_0& m) {
-  return std::isfinite(m.tip_radius_m) && m.tip_radius_m >= 0.0f && std::isfinite(m.coupling_stiffness_N_m) &&
-         m.coupling_stiffness_N_m >= 0.0f && std::isfinite(m.coupling_damping_N_s_m) &&
-         m.coupling_damping_N_s_m >= 0.0f && m.tip_source <= static_cast<std::uint8_t>(TipSource::estimated);
+  const bool kinematic = m.coupling_stiffness_N_m == 0.0f;
+  return is_within(m.tip_radius_m, 0.0f, kLargestTipRadius_m) &&
+         (kinematic || is_within(m.coupling_stiffness_N_m, kSoftestCoupling_N_m, kStiffestCoupling_N_m)) &&
+         is_within(m.coupling_damping_N_s_m, 0.0f, kLargestCouplingDamping_N_s_m) &&
+         m.tip_source <= static_cast<std::uint8_t>(TipSource::estimated);
+}
+
+// Of a contact, with finite numbers.
+bool offsets_are_valid(const ContactState<float>& contact) {
+  return is_within(contact.inset_m, 0.0f, kLargestOffset_m) && norm(contact.stretch_m) <= kLargestOffset_m &&
+         norm(contact.overhang_m) <= kLargestOffset_m && std::fabs(contact.height_m) <= kLargestOffset_m;
 }
 
 // Weights of a point on a triangle, as single precision leaves them.
@@ -111,23 +132,9 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   const bool held = slot.kind == ModelKind::held_force;
   if (held && (m.modes != 0 || m.nodes != 0 || m.triangles != 0)) return Status::model_inconsistent;
 
-  slot.view = LocalModelView{.modes = m.modes,
-                             .nodes = m.nodes,
-                             .triangles = m.triangles,
-                             .surface = static_cast<SurfaceKind>(m.surface),
-                             .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
-                             .position_m = m.position_m.elements,
-                             .corner = m.corner.elements,
-                             // A held force has no triangles but the one that the host says is touched.
-                             .triangle_id = held ? &m.contact.triangle : m.triangle_id.elements,
-                             .frictions = m.static_friction.count,
-                             .static_friction = m.static_friction.elements,
-                             .kinetic_friction = m.kinetic_friction.elements,
-                             .triangle_friction = m.triangle_friction.elements,
-                             .coefficient = m.coefficient.elements,
-                             .load = m.load.elements,
-                             .basis_scale = m.basis_scale.elements,
-                             .basis = m.basis.elements};
+  slot.view = wire::view_of(m);
+  // A held force has no triangles but the one that the host says is touched.
+  if (held) slot.view.triangle_id = &m.contact.triangle;
   for (std::size_t i = 0; i < m.modes; ++i) {
     slot.state.q[i] = m.state_q.elements[i];
     slot.state.p[i] = m.state_p.elements[i];
@@ -136,9 +143,7 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   slot.tip = static_cast<TipSource>(m.tip_source);
   slot.contact = {};
   slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
-  slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
-                            m.contact.coupling_stretch_m[2]};
-  if (!is_finite(slot.contact.force_N) || !is_finite(slot.contact.stretch_m)) return Status::model_not_finite;
+  if (!is_finite(slot.contact.force_N)) return Status::model_not_finite;
   slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
   if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
   slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
@@ -149,13 +154,16 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
     while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
     if (triangle == m.triangles && !held) return Status::model_inconsistent;
     slot.contact.triangle = triangle;
+    // Only of a contact: a tip that is free has none of these, whatever the message says.
+    slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
+                              m.contact.coupling_stretch_m[2]};
     slot.contact.inset_m = m.contact.inset_m;
     slot.contact.overhang_m = {m.contact.overhang_m[0], m.contact.overhang_m[1], m.contact.overhang_m[2]};
     slot.contact.height_m = m.contact.height_m;
-    if (!std::isfinite(slot.contact.inset_m) || !is_finite(slot.contact.overhang_m) ||
-        !std::isfinite(slot.contact.height_m))
+    if (!is_finite(slot.contact.stretch_m) || !std::isfinite(slot.contact.inset_m) ||
+        !is_finite(slot.contact.overhang_m) || !std::isfinite(slot.contact.height_m))
       return Status::model_not_finite;
-    if (slot.contact.inset_m < 0.0f) return Status::model_inconsistent;
+    if (!offsets_are_valid(slot.contact)) return Status::model_inconsistent;
   }
   slot.tick = slot.model_tick = m.tick;
   slot.sequence = m.sequence;

@@ -14,6 +14,7 @@
 
 #include "firmware/test_support.hpp"
 #include "shared/contact/contact.hpp"
+#include "shared/wire/model_view.hpp"
 
 namespace palpate::firmware {
 namespace {
@@ -48,21 +49,7 @@ class Reference {
   Reference(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
       : message_(std::make_unique<palpate_LocalModel_1_0>(message)) {
     const palpate_LocalModel_1_0& m = *message_;
-    view_ = {.modes = m.modes,
-             .nodes = m.nodes,
-             .triangles = m.triangles,
-             .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
-             .position_m = m.position_m.elements,
-             .corner = m.corner.elements,
-             .triangle_id = m.triangle_id.elements,
-             .frictions = m.static_friction.count,
-             .static_friction = m.static_friction.elements,
-             .kinetic_friction = m.kinetic_friction.elements,
-             .triangle_friction = m.triangle_friction.elements,
-             .coefficient = m.coefficient.elements,
-             .load = m.load.elements,
-             .basis_scale = m.basis_scale.elements,
-             .basis = m.basis.elements};
+    view_ = wire::view_of(m);
     std::copy_n(m.state_q.elements, m.modes, state_.q.begin());
     std::copy_n(m.state_p.elements, m.modes, state_.p.begin());
     surface_.bind(view_, state_);
@@ -243,6 +230,17 @@ void PrintTo(const BadMessage& bad, std::ostream* out) {
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
                 kInfinity = std::numeric_limits<float>::infinity();
 
+// A contact with one number spoilt.
+template <class Spoil>
+auto in_contact(Spoil spoil) {
+  return [spoil](palpate_LocalModel_1_0& m) {
+    m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
+    m.contact.triangle = 9;
+    m.contact.barycentric[0] = 1.0f;
+    spoil(m.contact);
+  };
+}
+
 class Refused : public ::testing::TestWithParam<BadMessage> {};
 
 TEST_P(Refused, LeavesTheActiveModelAsItIs) {
@@ -346,6 +344,33 @@ INSTANTIATE_TEST_SUITE_P(
                    [](auto& m) { m.triangle_friction.elements[1] = 1; }},
         BadMessage{"triangle_without_friction", Status::model_inconsistent,
                    [](auto& m) { --m.triangle_friction.count; }},
+        BadMessage{"nan_in_stretch", Status::model_not_finite,
+                   in_contact([](auto& c) { c.coupling_stretch_m[2] = kNan; })},
+        BadMessage{"long_stretch", Status::model_inconsistent,
+                   in_contact([](auto& c) { c.coupling_stretch_m[2] = 1.1f; })},
+        BadMessage{"nan_inset", Status::model_not_finite, in_contact([](auto& c) { c.inset_m = kNan; })},
+        BadMessage{"deep_inset", Status::model_inconsistent, in_contact([](auto& c) { c.inset_m = 1e20f; })},
+        BadMessage{"long_overhang", Status::model_inconsistent,
+                   in_contact([](auto& c) { c.overhang_m[0] = -3e38f; })},
+        BadMessage{"large_height", Status::model_inconsistent,
+                   in_contact([](auto& c) { c.height_m = -1.1f; })},
+        BadMessage{"unknown_tip_source", Status::model_inconsistent, [](auto& m) { m.tip_source = 2; }},
+        BadMessage{"negative_stiffness", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_stiffness_N_m = -1.0f; }},
+        BadMessage{"nan_stiffness", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_stiffness_N_m = kNan; }},
+        BadMessage{"tiny_stiffness", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_stiffness_N_m = std::numeric_limits<float>::denorm_min(); }},
+        BadMessage{"large_stiffness", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_stiffness_N_m = 2e6f; }},
+        BadMessage{"negative_damping", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_damping_N_s_m = -1.0f; }},
+        BadMessage{"nan_damping", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_damping_N_s_m = kNan; }},
+        BadMessage{"large_damping", Status::model_inconsistent,
+                   [](auto& m) { m.coupling_damping_N_s_m = 1e20f; }},
+        BadMessage{"nan_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = kNan; }},
+        BadMessage{"large_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = 0.06f; }},
         BadMessage{"negative_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = -0.001f; }},
         BadMessage{"unknown_surface", Status::model_inconsistent, [](auto& m) { m.surface = 2; }},
         BadMessage{"unknown_kind", Status::model_inconsistent, [](auto& m) { m.kind = 3; }},
@@ -404,6 +429,31 @@ TEST(Renderer, AHeldForceIsANumber) {
   ASSERT_EQ(runner.accept(held_force(2, 400, 1.0f)), Status::ok);
   runner.ticks(5);
   EXPECT_EQ(runner.reports.back().status, Status::model_from_future);
+}
+
+// Leftovers of a contact in the message of a tip that is free do not reach the force.
+TEST(Renderer, AFreeTipHasNoOffsets) {
+  Runner clean, littered;
+  for (Runner* runner : {&clean, &littered}) {
+    runner->ticks(100);
+    auto message = square_model(1, runner->now - 1, kCentre_m);
+    message.coupling_stiffness_N_m = 800.0f;
+    if (runner == &littered) {
+      message.contact.coupling_stretch_m[2] = -0.003f;
+      message.contact.inset_m = kNan;
+      message.contact.overhang_m[0] = 0.01f;
+      message.contact.height_m = 0.004f;
+    }
+    ASSERT_EQ(runner->accept(message), Status::ok);
+  }
+  int contact_ticks = 0;
+  for (int i = 0; i < 400; ++i) {
+    const std::uint32_t tick = clean.now;
+    const ServoSample expected = clean.tick();
+    expect_equal(littered.tick(), expected, tick);
+    contact_ticks += expected.mode != ContactMode::free;
+  }
+  EXPECT_GT(contact_ticks, 50);
 }
 
 // A model that is not rolled forward takes the state of its own tick for the present one.

@@ -14,6 +14,7 @@
 #include "host/session/model_message.hpp"
 #include "host/session/test_contact.hpp"
 #include "shared/model/modal_surface.hpp"
+#include "shared/wire/model_view.hpp"
 
 namespace palpate::host {
 namespace {
@@ -76,21 +77,7 @@ class BoardModel {
     const SurfaceFriction friction(body, {.elsewhere = {0.5, 0.4}, .regions = {}});
     palpate_LocalModel_1_0& m = *message_;
     pack_model(model, {1, 0, 200}, {.tip_radius_m = radius_m}, SurfaceKind::smooth, friction, {}, m);
-    view_ = {.modes = m.modes,
-             .nodes = m.nodes,
-             .triangles = m.triangles,
-             .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
-             .position_m = m.position_m.elements,
-             .corner = m.corner.elements,
-             .triangle_id = m.triangle_id.elements,
-             .frictions = m.static_friction.count,
-             .static_friction = m.static_friction.elements,
-             .kinetic_friction = m.kinetic_friction.elements,
-             .triangle_friction = m.triangle_friction.elements,
-             .coefficient = m.coefficient.elements,
-             .load = m.load.elements,
-             .basis_scale = m.basis_scale.elements,
-             .basis = m.basis.elements};
+    view_ = wire::view_of(m);
     for (std::size_t i = 0; i < m.modes; ++i) {
       state_.q[i] = m.state_q.elements[i];
       state_.p[i] = m.state_p.elements[i];
