@@ -4,6 +4,7 @@
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 namespace palpate::host {
 namespace {
@@ -33,9 +34,13 @@ void validate(const Body& body, const std::vector<NodeDrive>& drives) {
       refuse(i, "reach_s", drive.reach_s, "later than start_s = " + seconds(drive.start_s));
     if (!(drive.release_s >= drive.reach_s) || !std::isfinite(drive.release_s))
       refuse(i, "release_s", drive.release_s, "at or after reach_s = " + seconds(drive.reach_s));
-    if (!is_finite(drive.displacement_m) || (body.planar() && drive.displacement_m.y != 0))
-      refuse(i, "displacement_m", norm(drive.displacement_m),
-             body.planar() ? "finite and in the plane of the body" : "finite");
+    const std::pair<const char*, double> components[] = {{"displacement_m.x", drive.displacement_m.x},
+                                                         {"displacement_m.y", drive.displacement_m.y},
+                                                         {"displacement_m.z", drive.displacement_m.z}};
+    for (const auto& [name, value] : components)
+      if (!std::isfinite(value)) refuse(i, name, value, "finite");
+    if (body.planar() && drive.displacement_m.y != 0)
+      refuse(i, "displacement_m.y", drive.displacement_m.y, "0: the body is in the plane of x and z");
     for (std::size_t other = 0; other < i; ++other)
       if (drives[other].node == drive.node && drives[other].start_s < drive.release_s &&
           drive.start_s < drives[other].release_s)

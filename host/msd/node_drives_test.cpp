@@ -114,7 +114,7 @@ TEST_F(NodeDrivesTest, RefusesBadDrivesByName) {
   EXPECT_NE(refused([&](auto& d) {
               later(d);
               d.displacement_m.x = std::numeric_limits<double>::quiet_NaN();
-            }).find("displacement_m"),
+            }).find("body.drives[1].displacement_m.x = nan: must be finite"),
             std::string::npos);
 }
 

@@ -130,7 +130,8 @@ Vec3d Plant::hand_force_N() const {
                              arm_.stop_torque_N_m(state_.joint_rad, state_.joint_rad_s) -
                              arm_.drive_torque_N_m(amplifiers_.current_A(0.0));
     Vec3d force_N{};
-    (void)solve(transpose(arm_.jacobian_m(state_.joint_rad)), torque_N_m, force_N);
+    if (!solve(transpose(arm_.jacobian_m(state_.joint_rad)), torque_N_m, force_N))
+      throw std::runtime_error("scripted tip: the arm is in a singular pose, no force of the hand holds it");
     return force_N;
   }
   return hand_.force_N(state_.hand, tip_position_m(), tip_velocity_m_s(), grip_);

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
 
 #include "host/session/model_replay.hpp"
 
@@ -12,12 +13,13 @@ namespace palpate::host {
 namespace {
 
 // First of the ticks from this number on: where the tip of a lost tick is taken from.
-std::size_t row_from(std::span<const RenderedTick> ticks, std::uint32_t tick) {
+std::size_t row_from(std::span<const RenderedTick> ticks, std::uint32_t tick, std::uint32_t sequence) {
   const auto found =
       std::lower_bound(ticks.begin(), ticks.end(), tick,
                        [](const RenderedTick& t, std::uint32_t wanted) { return t.tick < wanted; });
   if (found == ticks.end())
-    throw std::invalid_argument("probe: a model lies beyond the ticks that were recorded");
+    throw std::invalid_argument("probe: local model " + std::to_string(sequence) + " needs tick " +
+                                std::to_string(tick) + ", which lies beyond the ticks that were recorded");
   return static_cast<std::size_t>(found - ticks.begin());
 }
 
@@ -36,7 +38,8 @@ std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
   const auto message = std::make_unique<palpate_LocalModel_1_0>();
   for (const SentModel& model : models) {
     if (wire::deserialize(model.payload, *message) != Status::ok)
-      throw std::invalid_argument("probe: a model that was sent cannot be read");
+      throw std::invalid_argument("probe: models[" + std::to_string(&model - models.data()) +
+                                  "]: not a local model that can be read");
     const auto active = std::find_if(ticks.begin(), ticks.end(), [&](const RenderedTick& t) {
       return t.model_sequence == message->sequence;
     });
@@ -45,11 +48,11 @@ std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
     // Other kinds begin when they are taken over, with the tip of the tick before.
     const bool rolled = message->kind == palpate_LocalModel_1_0_KIND_MODES;
     const std::uint32_t start = rolled ? message->tick : active->tick - 1;
-    ModelReplay replay(*message, ticks[row_from(ticks, start)].tip_m, start);
+    ModelReplay replay(*message, ticks[row_from(ticks, start, message->sequence)].tip_m, start);
     // In the background every tick is replayed, with the tip of the next one where a tick was lost; from the
     // swap on the interrupt steps once for each tick that it had.
     for (std::uint32_t tick = start + 1; tick < active->tick; ++tick)
-      (void)replay.step(ticks[row_from(ticks, tick)].tip_m);
+      (void)replay.step(ticks[row_from(ticks, tick, message->sequence)].tip_m);
     for (auto row = static_cast<std::size_t>(active - ticks.begin()); row < ticks.size(); ++row) {
       if (ticks[row].model_sequence != message->sequence) break;
       result[row].force_N = replay.step(ticks[row].tip_m).force_N;
