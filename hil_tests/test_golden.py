@@ -10,7 +10,7 @@ from board_peer import BUILD_HOST, BUILD_MPS2
 # the commit why the numbers changed. If it is not meant, or if the programs differ from each other, something is wrong:
 # boards/cmake/palpate_targets.cmake has the options that keep the bits equal.
 GOLDEN = {
-    "model": "2e756c66499fbd8f",
+    "model": "7403473a1312f661",
     "device": "3706e3ad602701cf",
     "math": "578ef55ba4a61af0",
 }

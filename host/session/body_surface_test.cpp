@@ -223,8 +223,7 @@ TEST_P(FrictionCone, IsNeverViolated) {
     ++checked;
     slipping += after.mode == ContactMode::slip;
     crossings += before.triangle != after.triangle;
-    // The normal that the step used: at the contact point with which it began.
-    const Vec3d normal = touched.surface.normal_before(before.triangle, before.barycentric);
+    const Vec3d normal = after.normal;
     const double pressing_N = -dot(after.force_N, normal);
     const double tangential_N = norm(after.force_N + normal * pressing_N);
     ASSERT_GE(pressing_N, 0.0);

@@ -74,7 +74,7 @@ TEST(SurfaceFriction, SlidingIntoARegionChangesTheCone) {
     double x_m = 0.0;
     for (const int node : body.triangles()[before.triangle]) x_m += body.rest_position_m()(0, node) / 3.0;
     const double mu = x_m < kBorder_m ? kRough : kSlippery;
-    const Vec3d normal = touched.surface.normal_before(before.triangle, before.barycentric);
+    const Vec3d normal = after.normal;
     const double pressing_N = -dot(after.force_N, normal);
     // Rounding of a 3x3 solve, relative.
     constexpr double kRounding = 1e-9;

@@ -104,7 +104,8 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
 
   // The plane of contact is that of the surface at the start of the step: without the contact force, which is
   // not known yet, the surface would spring back within the step and tilt.
-  const Vec3<Real> normal = surface.normal_before(state.triangle, state.barycentric);
+  const Vec3<Real> normal =
+      detail::lean(surface, state, surface.normal_before(state.triangle, state.barycentric), to - from);
   state.normal = normal;
   if (meeting == detail::Meeting::inside) {
     const auto x = detail::corners_at(surface, state.triangle, Real(0));

@@ -26,6 +26,7 @@ struct ContactState {
   // Of a smooth surface over its triangle, along the normal (slide.hpp). Kept for a while after separation,
   // while `outside` holds; otherwise 0 when free.
   Real height_m = 0;
+  Real lean = 0;  // share of the height's forgetting that the normal of the newest step took on (slide.hpp)
   bool outside =
       false;  // mode == free: the tip has been seen outside, so crossing the surface is a collision
   bool at_border = false;  // the contact point was held at the border of the surface known here

@@ -57,6 +57,29 @@ Vec3<Real> walk(Surface& surface, std::uint32_t& triangle, Vec3<Real>& barycentr
   return best.position;
 }
 
+// Slower tips lean the less: at rest, noise in the tip's place must not turn the force.
+inline constexpr double kLeanFully_m_s = 0.002;
+
+// A height above the triangles that is forgotten gives way to the tip, and takes up its work. One below them
+// rises, and would lift the pressing tip with no hand's work. There the forgetting is the surface's slope:
+// along the tip's motion it rises by height / width, and the normal leans back by as much, against the
+// motion. Not where the border holds the contact point: nothing is forgotten there. Sets the share of the
+// forgetting that it is, and returns the normal (docs/decisions/contact_energy.md).
+template <class Surface, class Real>
+Vec3<Real> lean(Surface& surface, ContactState<Real>& state, const Vec3<Real>& normal,
+                const Vec3<Real>& motion) {
+  state.lean = 0;
+  if (!(state.height_m < 0) || state.at_border) return normal;
+  const Vec3<Real> along = motion - normal * dot(normal, motion);
+  const Real way = norm(along);
+  if (!(way > 0)) return normal;
+  const auto x = corners_at(surface, state.triangle, Real(0));
+  const Real width = std::sqrt(norm(cross(x[1] - x[0], x[2] - x[0])));
+  const Real full = static_cast<Real>(kLeanFully_m_s) * static_cast<Real>(surface.step_s());
+  state.lean = way < full ? way / full : Real(1);
+  return normalized(normal + along * (state.lean * state.height_m / (width * way)));
+}
+
 // Moves the contact point over the surface to where the tip is now. Returns by how much it falls short: along
 // the surface, that is not zero at the border only.
 //
@@ -64,9 +87,9 @@ Vec3<Real> walk(Surface& surface, std::uint32_t& triangle, Vec3<Real>& barycentr
 // there is at right angles to the normal, so the height changes by what the triangles rise in direction of
 // the normal. Without it the tip would follow the triangles' kinks, and each edge would be an impact. The
 // height is forgotten over the width of a triangle (the root of twice its area): it never exceeds that, and
-// does not depend on how the tip came here. A tip that is still pushed out of the body follows the triangles:
-// the height's change must not add to the force, which is bounded there. Measured in
-// docs/decisions/smooth_normals.md.
+// does not depend on how the tip came here; see lean() for the work of that. A tip that is still pushed out
+// of the body follows the triangles: the height's change must not add to the force, which is bounded there.
+// Measured in docs/decisions/smooth_normals.md.
 template <class Surface, class Real>
 Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
   Vec3<Real> end{};
@@ -91,7 +114,8 @@ Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& 
     const Vec3<Real> moved = end - start;
     const Real moved_squared = dot(moved, moved);
     state.height_m -= dot(state.normal, moved);
-    state.height_m *= moved_squared < width_squared ? 1 - std::sqrt(moved_squared / width_squared) : Real(0);
+    const Real forgotten = std::sqrt(moved_squared / width_squared) * (1 - state.lean);
+    state.height_m *= forgotten < 1 ? 1 - forgotten : Real(0);
   }
   state.at_border = on_border(surface, state.triangle, state.barycentric);
   return tip - end;
