@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <string_view>
 
-#include "boards/lockstep/exchange.hpp"
 #include "boards/mps2_an386/console.hpp"
 #include "boards/mps2_an386/semihosting.hpp"
 #include "shared/golden/golden_trace.hpp"
@@ -22,17 +21,6 @@ void print_line(std::string_view name, std::uint64_t hash) {
 }  // namespace
 
 extern "C" {
-
-// Start-up's vectors name these; no interrupt is enabled here, so that any of them is an error.
-[[noreturn]] void hard_fault_handler() {
-  palpate::board::semihosting::exit(static_cast<int>(palpate::lockstep::ExitCode::processor_fault));
-}
-void timer0_handler() {
-  hard_fault_handler();
-}
-void uart1_receive_handler() {
-  hard_fault_handler();
-}
 
 [[noreturn]] void run_firmware() {
   palpate::board::console_begin();

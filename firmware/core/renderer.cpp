@@ -135,10 +135,7 @@ Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
   slot.view = wire::view_of(m);
   // A held force has no triangles but the one that the host says is touched.
   if (held) slot.view.triangle_id = &m.contact.triangle;
-  for (std::size_t i = 0; i < m.modes; ++i) {
-    slot.state.q[i] = m.state_q.elements[i];
-    slot.state.p[i] = m.state_p.elements[i];
-  }
+  wire::read_state(m, slot.state);
   slot.law = {m.tip_radius_m, {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
   slot.tip = static_cast<TipSource>(m.tip_source);
   slot.contact = {};

@@ -25,8 +25,8 @@ namespace palpate::firmware {
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
 inline constexpr std::uint32_t kTipHistory = 256;
 // Background work per servo tick while a model catches up, in the units of ModalSurface::work() (about 1,000
-// instructions): one replayed tick takes 8 to 25, one with a collision up to 60. Fixed, so that every board
-// catches up in the same number of ticks.
+// instructions): one replayed tick takes 8 to 25, one with a first contact up to 100 (docs/benchmarks.md).
+// Fixed, so that every board catches up in the same number of ticks.
 inline constexpr std::uint32_t kCatchUpWork = 70;
 // What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 25;

@@ -12,111 +12,20 @@
 #include <thread>
 #include <vector>
 
-#include "firmware/test_support.hpp"
-#include "shared/contact/contact.hpp"
-#include "shared/wire/model_view.hpp"
+#include "firmware/core/renderer_test_support.hpp"
 
 namespace palpate::firmware {
 namespace {
 
+using test::expect_equal;
 using test::HostPeer;
+using test::kCentre_m;
+using test::kModelSwap;
+using test::kModelUsed;
+using test::Reference;
+using test::Runner;
 using test::square_model;
-
-constexpr Vec3f kCentre_m{0.001f, -0.002f, 0.003f};
-constexpr std::uint8_t kModelUsed = palpate_ServoSample_1_0_FLAG_MODEL_USED,
-                       kModelSwap = palpate_ServoSample_1_0_FLAG_MODEL_SWAP;
-
-// Down onto the square, a slow circle on it, and up again: every 400 ticks.
-Vec3f tip_at(std::uint32_t tick) {
-  const float phase = static_cast<float>(tick % 400) / 400.0f;
-  const float angle_rad = 6.2831853f * phase;
-  return kCentre_m + Vec3f{0.0025f * std::cos(angle_rad), 0.0025f * std::sin(2.0f * angle_rad),
-                           0.001f - 0.0025f * std::sin(3.1415927f * phase)};
-}
-
-void expect_equal(const ServoSample& a, const ServoSample& b, std::uint32_t tick) {
-  EXPECT_EQ(a.tip_m, b.tip_m) << tick;
-  EXPECT_EQ(a.force_N, b.force_N) << tick;
-  EXPECT_EQ(a.mode, b.mode) << tick;
-  EXPECT_EQ(a.flags, b.flags) << tick;
-  EXPECT_EQ(a.triangle, b.triangle) << tick;
-  EXPECT_EQ(a.barycentric, b.barycentric) << tick;
-}
-
-// The model of a message, stepped directly.
-class Reference {
- public:
-  Reference(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
-      : message_(std::make_unique<palpate_LocalModel_1_0>(message)) {
-    const palpate_LocalModel_1_0& m = *message_;
-    view_ = wire::view_of(m);
-    std::copy_n(m.state_q.elements, m.modes, state_.q.begin());
-    std::copy_n(m.state_p.elements, m.modes, state_.p.begin());
-    surface_.bind(view_, state_);
-    previous_m_ = tip_m - view_.origin_m;
-  }
-  const ContactState<float>& step(const Vec3f& tip_m) {
-    const ContactLaw<float> law{
-        .tip_radius_m = message_->tip_radius_m,
-        .coupling = {message_->coupling_stiffness_N_m, message_->coupling_damping_N_s_m}};
-    step_contact(surface_, contact_, law, previous_m_, tip_m - view_.origin_m);
-    previous_m_ = tip_m - view_.origin_m;
-    return contact_;
-  }
-  // The model with the state and the contact that it has now.
-  palpate_LocalModel_1_0 as_it_is(std::uint32_t sequence, std::uint32_t tick) const {
-    palpate_LocalModel_1_0 m = *message_;
-    m.sequence = sequence;
-    m.tick = tick;
-    for (std::size_t i = 0; i < m.modes; ++i) {
-      m.state_q.elements[i] = state_.q[i];
-      m.state_p.elements[i] = state_.p[i];
-    }
-    m.contact.mode = static_cast<std::uint8_t>(contact_.mode);
-    m.contact.triangle = m.triangle_id.elements[contact_.triangle];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      m.contact.barycentric[axis] = contact_.barycentric[axis];
-      m.contact.force_N[axis] = contact_.force_N[axis];
-      m.contact.coupling_stretch_m[axis] = contact_.stretch_m[axis];
-    }
-    m.contact.height_m = contact_.height_m;
-    return m;
-  }
-
- private:
-  std::unique_ptr<palpate_LocalModel_1_0> message_;
-  LocalModelView view_{};
-  ModalState state_{};
-  ModalSurface surface_{};
-  ContactState<float> contact_{};
-  Vec3f previous_m_{};
-};
-
-// A renderer with its two contexts in turn.
-struct Runner {
-  // Interrupt, then background; the tick's sample.
-  ServoSample tick() {
-    const ServoSample sample = renderer->isr_tick(now, tip_at(now));
-    ++now;
-    ModelReport report;
-    if (renderer->catch_up(report)) reports.push_back(report);
-    return sample;
-  }
-  void ticks(int count) {
-    for (int i = 0; i < count; ++i) (void)tick();
-  }
-  Status accept(const palpate_LocalModel_1_0& message) { return accept(HostPeer::payload(message)); }
-  Status accept(const std::vector<std::uint8_t>& payload) {
-    ModelReport report;
-    const Status status = renderer->accept(payload, report);
-    if (status != Status::ok) reports.push_back(report);
-    return status;
-  }
-
-  std::unique_ptr<Renderer> renderer = std::make_unique<Renderer>(wire::kSchemaHash);
-  std::uint32_t now = 0;  // the next tick
-  std::vector<ModelReport> reports;
-};
+using test::tip_at;
 
 TEST(Renderer, WithoutAModelThereIsNoForce) {
   Runner runner;
@@ -217,170 +126,6 @@ TEST(Renderer, ASwapKeepsTheStretchOfTheCoupling) {
   EXPECT_EQ(runner.renderer->model_sequence(), 2u);
 }
 
-struct BadMessage {
-  std::string name;
-  Status status;
-  std::function<void(palpate_LocalModel_1_0&)> spoil;
-};
-
-void PrintTo(const BadMessage& bad, std::ostream* out) {
-  *out << bad.name;
-}
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
-                kInfinity = std::numeric_limits<float>::infinity();
-
-// A contact with one number spoilt.
-template <class Spoil>
-auto in_contact(Spoil spoil) {
-  return [spoil](palpate_LocalModel_1_0& m) {
-    m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
-    m.contact.triangle = 9;
-    m.contact.barycentric[0] = 1.0f;
-    spoil(m.contact);
-  };
-}
-
-class Refused : public ::testing::TestWithParam<BadMessage> {};
-
-TEST_P(Refused, LeavesTheActiveModelAsItIs) {
-  constexpr int kTicks = 600;
-  Runner good, bad;
-  std::uint32_t contact_ticks = 0;
-  for (int i = 0; i < kTicks; ++i) {
-    if (i == 250) {
-      for (Runner* runner : {&good, &bad})
-        ASSERT_EQ(runner->accept(square_model(1, runner->now - 1, kCentre_m)), Status::ok);
-    }
-    if (i >= 300 && i % 37 == 0) {
-      auto message = square_model(77, bad.now - 5, kCentre_m + Vec3f{0.0f, 0.0f, 0.001f});
-      GetParam().spoil(message);
-      (void)bad.accept(message);
-    }
-    const std::uint32_t tick = good.now;
-    const ServoSample expected = good.tick();
-    expect_equal(bad.tick(), expected, tick);
-    contact_ticks += tick > 320 && expected.mode != ContactMode::free;
-  }
-  EXPECT_GT(contact_ticks, 50u);
-  ASSERT_EQ(bad.reports.size(), 1u + 8u);  // the good one's; ticks 333, 370, ... 592
-  EXPECT_EQ(bad.reports[0].status, Status::ok);
-  for (std::size_t i = 1; i < bad.reports.size(); ++i) {
-    EXPECT_EQ(bad.reports[i].status, GetParam().status);
-    EXPECT_EQ(bad.reports[i].sequence, 77u);
-    EXPECT_EQ(bad.reports[i].swap_tick, 0u);
-    EXPECT_NE(bad.reports[i].model_tick, 0u);
-  }
-  EXPECT_EQ(bad.renderer->model_sequence(), 1u);
-  EXPECT_EQ(bad.renderer->catch_up_ticks(), 0u);
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Messages, Refused,
-    ::testing::Values(
-        BadMessage{"schema", Status::schema_mismatch, [](auto& m) { m.schema_hash ^= 1; }},
-        BadMessage{"nan_in_coefficient", Status::model_not_finite,
-                   [](auto& m) { m.coefficient.elements[7] = kNan; }},
-        BadMessage{"nan_in_state", Status::model_not_finite, [](auto& m) { m.state_p.elements[11] = kNan; }},
-        BadMessage{"infinite_load", Status::model_not_finite,
-                   [](auto& m) { m.load.elements[0] = kInfinity; }},
-        BadMessage{"nan_in_origin", Status::model_not_finite, [](auto& m) { m.origin_m[1] = kNan; }},
-        BadMessage{"nan_in_contact", Status::model_not_finite,
-                   [](auto& m) {
-                     m.contact.mode = palpate_Contact_1_0_MODE_STICK;
-                     m.contact.triangle = 9;
-                     m.contact.barycentric[2] = kNan;
-                   }},
-        BadMessage{"infinite_height", Status::model_not_finite,
-                   [](auto& m) {
-                     m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
-                     m.contact.triangle = 9;
-                     m.contact.barycentric[0] = 1.0f;
-                     m.contact.height_m = -kInfinity;
-                   }},
-        BadMessage{"too_many_modes", Status::model_too_large, [](auto& m) { m.modes = kMaxModes + 1; }},
-        BadMessage{"too_many_nodes", Status::model_too_large,
-                   [](auto& m) { m.nodes = kMaxSurfaceNodes + 1; }},
-        BadMessage{"too_many_triangles", Status::model_too_large,
-                   [](auto& m) { m.triangles = kMaxTriangles + 1; }},
-        BadMessage{"missing_mode", Status::model_inconsistent, [](auto& m) { --m.load.count; }},
-        BadMessage{"missing_basis", Status::model_inconsistent, [](auto& m) { m.basis.count -= 12; }},
-        BadMessage{"fewer_modes_than_said", Status::model_inconsistent, [](auto& m) { --m.modes; }},
-        BadMessage{"corner_out_of_range", Status::model_inconsistent,
-                   [](auto& m) { m.corner.elements[5] = 4; }},
-        BadMessage{"unknown_triangle", Status::model_inconsistent,
-                   [](auto& m) {
-                     m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
-                     m.contact.triangle = 8;
-                   }},
-        BadMessage{"negative_inset", Status::model_inconsistent,
-                   [](auto& m) {
-                     m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
-                     m.contact.triangle = 9;
-                     m.contact.barycentric[0] = 1.0f;
-                     m.contact.inset_m = -0.001f;
-                   }},
-        BadMessage{"nan_in_overhang", Status::model_not_finite,
-                   [](auto& m) {
-                     m.contact.mode = palpate_Contact_1_0_MODE_SLIP;
-                     m.contact.triangle = 9;
-                     m.contact.barycentric[0] = 1.0f;
-                     m.contact.overhang_m[1] = kNan;
-                   }},
-        BadMessage{"unknown_mode", Status::model_inconsistent, [](auto& m) { m.contact.mode = 3; }},
-        BadMessage{"negative_friction", Status::model_inconsistent,
-                   [](auto& m) { m.kinetic_friction.elements[0] = m.static_friction.elements[0] = -0.1f; }},
-        BadMessage{"nan_friction", Status::model_inconsistent,
-                   [](auto& m) { m.static_friction.elements[0] = kNan; }},
-        BadMessage{"infinite_friction", Status::model_inconsistent,
-                   [](auto& m) { m.static_friction.elements[0] = kInfinity; }},
-        BadMessage{"kinetic_above_static", Status::model_inconsistent,
-                   [](auto& m) { m.kinetic_friction.elements[0] = 0.6f; }},
-        BadMessage{"frictions_without_partner", Status::model_inconsistent,
-                   [](auto& m) { m.static_friction.count = 2; }},
-        BadMessage{"no_friction", Status::model_inconsistent,
-                   [](auto& m) { m.static_friction.count = m.kinetic_friction.count = 0; }},
-        BadMessage{"unknown_friction", Status::model_inconsistent,
-                   [](auto& m) { m.triangle_friction.elements[1] = 1; }},
-        BadMessage{"triangle_without_friction", Status::model_inconsistent,
-                   [](auto& m) { --m.triangle_friction.count; }},
-        BadMessage{"nan_in_stretch", Status::model_not_finite,
-                   in_contact([](auto& c) { c.coupling_stretch_m[2] = kNan; })},
-        BadMessage{"long_stretch", Status::model_inconsistent,
-                   in_contact([](auto& c) { c.coupling_stretch_m[2] = 1.1f; })},
-        BadMessage{"nan_inset", Status::model_not_finite, in_contact([](auto& c) { c.inset_m = kNan; })},
-        BadMessage{"deep_inset", Status::model_inconsistent, in_contact([](auto& c) { c.inset_m = 1e20f; })},
-        BadMessage{"long_overhang", Status::model_inconsistent,
-                   in_contact([](auto& c) { c.overhang_m[0] = -3e38f; })},
-        BadMessage{"large_height", Status::model_inconsistent,
-                   in_contact([](auto& c) { c.height_m = -1.1f; })},
-        BadMessage{"unknown_tip_source", Status::model_inconsistent, [](auto& m) { m.tip_source = 2; }},
-        BadMessage{"negative_stiffness", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_stiffness_N_m = -1.0f; }},
-        BadMessage{"nan_stiffness", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_stiffness_N_m = kNan; }},
-        BadMessage{"tiny_stiffness", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_stiffness_N_m = std::numeric_limits<float>::denorm_min(); }},
-        BadMessage{"large_stiffness", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_stiffness_N_m = 2e6f; }},
-        BadMessage{"negative_damping", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_damping_N_s_m = -1.0f; }},
-        BadMessage{"nan_damping", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_damping_N_s_m = kNan; }},
-        BadMessage{"large_damping", Status::model_inconsistent,
-                   [](auto& m) { m.coupling_damping_N_s_m = 1e20f; }},
-        BadMessage{"nan_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = kNan; }},
-        BadMessage{"large_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = 0.06f; }},
-        BadMessage{"negative_radius", Status::model_inconsistent, [](auto& m) { m.tip_radius_m = -0.001f; }},
-        BadMessage{"unknown_surface", Status::model_inconsistent, [](auto& m) { m.surface = 2; }},
-        BadMessage{"unknown_kind", Status::model_inconsistent, [](auto& m) { m.kind = 3; }},
-        BadMessage{"held_force_with_modes", Status::model_inconsistent,
-                   [](auto& m) { m.kind = palpate_LocalModel_1_0_KIND_HELD_FORCE; }},
-        BadMessage{"no_horizon", Status::model_inconsistent, [](auto& m) { m.valid_ticks = 0; }},
-        BadMessage{"too_old", Status::model_too_old, [](auto& m) { m.tick -= kTipHistory; }},
-        BadMessage{"from_the_future", Status::model_from_future, [](auto& m) { m.tick += 500; }}),
-    [](const auto& tested) { return tested.param.name; });
-
 palpate_LocalModel_1_0 held_force(std::uint32_t sequence, std::uint32_t tick, float force_N) {
   palpate_LocalModel_1_0 message{};
   message.sequence = sequence;
@@ -425,35 +170,11 @@ TEST(Renderer, AHeldForceStaysUntilTheNextModel) {
 TEST(Renderer, AHeldForceIsANumber) {
   Runner runner;
   runner.ticks(100);
-  EXPECT_EQ(runner.accept(held_force(1, 50, kNan)), Status::model_not_finite);
+  EXPECT_EQ(runner.accept(held_force(1, 50, std::numeric_limits<float>::quiet_NaN())),
+            Status::model_not_finite);
   ASSERT_EQ(runner.accept(held_force(2, 400, 1.0f)), Status::ok);
   runner.ticks(5);
   EXPECT_EQ(runner.reports.back().status, Status::model_from_future);
-}
-
-// Leftovers of a contact in the message of a tip that is free do not reach the force.
-TEST(Renderer, AFreeTipHasNoOffsets) {
-  Runner clean, littered;
-  for (Runner* runner : {&clean, &littered}) {
-    runner->ticks(100);
-    auto message = square_model(1, runner->now - 1, kCentre_m);
-    message.coupling_stiffness_N_m = 800.0f;
-    if (runner == &littered) {
-      message.contact.coupling_stretch_m[2] = -0.003f;
-      message.contact.inset_m = kNan;
-      message.contact.overhang_m[0] = 0.01f;
-      message.contact.height_m = 0.004f;
-    }
-    ASSERT_EQ(runner->accept(message), Status::ok);
-  }
-  int contact_ticks = 0;
-  for (int i = 0; i < 400; ++i) {
-    const std::uint32_t tick = clean.now;
-    const ServoSample expected = clean.tick();
-    expect_equal(littered.tick(), expected, tick);
-    contact_ticks += expected.mode != ContactMode::free;
-  }
-  EXPECT_GT(contact_ticks, 50);
 }
 
 // A model that is not rolled forward takes the state of its own tick for the present one.
@@ -475,34 +196,6 @@ TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
     ASSERT_EQ(sample.mode, expected.mode);
     sample = runner.tick();
   }
-}
-
-TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
-  Runner runner;
-  runner.ticks(100);
-  const auto message = square_model(5, 50, kCentre_m);
-  std::vector<std::uint8_t> payload = HostPeer::payload(message);
-  // The length of the array of positions comes right after the contact.
-  constexpr std::size_t kPositionCount = 109;
-  ASSERT_EQ(payload[kPositionCount], 12);
-  payload[kPositionCount] = 97;
-  EXPECT_EQ(runner.accept(payload), Status::model_too_large);
-  ASSERT_EQ(runner.reports.size(), 1u);
-  EXPECT_EQ(runner.reports[0].sequence, 5u);
-  EXPECT_EQ(runner.reports[0].model_tick, 50u);
-}
-
-TEST(Renderer, ATruncatedPayloadIsRefused) {
-  Runner runner;
-  runner.ticks(100);
-  const std::vector<std::uint8_t> payload = HostPeer::payload(square_model(5, 50, kCentre_m));
-  for (std::size_t length = 0; length < payload.size(); length += 7) {
-    EXPECT_NE(
-        runner.accept(std::vector(payload.begin(), payload.begin() + static_cast<std::ptrdiff_t>(length))),
-        Status::ok)
-        << length;
-  }
-  EXPECT_EQ(runner.accept(payload), Status::ok);
 }
 
 TEST(Renderer, ANewerModelSupersedesOneThatIsNotInUseYet) {

@@ -2,9 +2,11 @@
 
 #include <cstddef>
 
+#include "host/msd/vectors.hpp"
 #include "host/session/model_message.hpp"
 #include "host/session/surface_friction.hpp"
 #include "shared/servo_tick.hpp"
+#include "shared/wire/model_view.hpp"
 
 namespace palpate::host::bench {
 
@@ -16,32 +18,12 @@ BoardPatch::BoardPatch(const Body& body, const BodyState& state, const Eigen::Ve
   palpate_LocalModel_1_0& m = *message_;
   const FrictionSpec spec{.elsewhere = {friction, friction}, .regions = {}};
   pack_model(model_, ModelStamp{}, {}, kind, SurfaceFriction(body, spec), {}, m);
-  view_ = LocalModelView{.modes = m.modes,
-                         .nodes = m.nodes,
-                         .triangles = m.triangles,
-                         .surface = static_cast<SurfaceKind>(m.surface),
-                         .origin_m = {m.origin_m[0], m.origin_m[1], m.origin_m[2]},
-                         .position_m = m.position_m.elements,
-                         .corner = m.corner.elements,
-                         .triangle_id = m.triangle_id.elements,
-                         .frictions = m.static_friction.count,
-                         .static_friction = m.static_friction.elements,
-                         .kinetic_friction = m.kinetic_friction.elements,
-                         .triangle_friction = m.triangle_friction.elements,
-                         .coefficient = m.coefficient.elements,
-                         .load = m.load.elements,
-                         .basis_scale = m.basis_scale.elements,
-                         .basis = m.basis.elements};
-  for (std::size_t i = 0; i < m.modes; ++i) {
-    state_.q[i] = m.state_q.elements[i];
-    state_.p[i] = m.state_p.elements[i];
-  }
+  view_ = wire::view_of(m);
+  wire::read_state(m, state_);
 }
 
 Vec3f BoardPatch::to_patch(const Vec3d& position_m) const {
-  return Vec3f{static_cast<float>(position_m.x), static_cast<float>(position_m.y),
-               static_cast<float>(position_m.z)} -
-         view_.origin_m;
+  return narrow(position_m) - view_.origin_m;
 }
 
 Vec3d BoardPatch::moved_m(const ModalState& before, std::uint32_t triangle, const Vec3d& barycentric) const {
@@ -70,11 +52,7 @@ double BoardPatch::energy_J() const {
   return energy_J;
 }
 
-Vec3d widen(const Vec3f& v) {
-  return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
-}
-
-ContactState<double> widen(const ContactState<float>& contact) {
+ContactState<double> widen_contact(const ContactState<float>& contact) {
   ContactState<double> wide;
   wide.mode = contact.mode;
   wide.triangle = contact.triangle;

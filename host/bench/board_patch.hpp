@@ -41,7 +41,6 @@ class BoardPatch {
   ModalState state_{};
 };
 
-Vec3d widen(const Vec3f& v);
-ContactState<double> widen(const ContactState<float>& contact);
+ContactState<double> widen_contact(const ContactState<float>& contact);
 
 }  // namespace palpate::host::bench

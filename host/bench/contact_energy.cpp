@@ -195,9 +195,9 @@ EnergyLoop patch_loop(const Body& body, SurfaceKind kind, double friction, const
   for (std::size_t tick = 1; tick < tip_m.size(); ++tick) {
     const Vec3f to = patch.to_patch(tip_m[tick]);
     const ModalState before_state = patch.state();
-    const ContactState<double> before = widen(contact);
+    const ContactState<double> before = widen_contact(contact);
     step_contact(surface, contact, ContactLaw<float>{}, from, to);
-    observer.add(before, widen(contact), widen(to) - widen(from),
+    observer.add(before, widen_contact(contact), widen(to) - widen(from),
                  patch.moved_m(before_state, surface.triangle(), widen(surface.barycentric())));
     from = to;
   }

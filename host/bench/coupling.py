@@ -259,9 +259,11 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
         for axis, value in zip(axes, x, strict=True):
             axis.plot(value, y, marker, color="tab:blue" if row["estimated"] else "tab:red", markersize=8)
             text = "kinematic" if kinematic else f"{row['stiffness_N_m'] / 1e3:g}/{row['damping_N_s_m']:g}"
-            axis.annotate(text, (value, y), xytext=(5, 3), textcoords="offset points", fontsize=7)
+            below = kinematic and row["estimated"]  # where the stiffest spring is as good
+            offset = (-6, -14) if below else (7, 3)
+            axis.annotate(text, (value, y), xytext=offset, textcoords="offset points", fontsize=7)
     for axis, label, limit in zip(axes, labels, limits, strict=True):
-        axis.set_xlim(left=0.0)
+        axis.set_xlim(0.0, 1.15 * axis.get_xlim()[1])  # room for the labels
         axis.set_ylim(1.0, 1e3)
         axis.axvspan(0.0, limit, color="tab:green", alpha=0.08)
         axis.axhline(1e3 * CHATTER_N, color="tab:green", linewidth=1)

@@ -6,6 +6,7 @@
 
 #include "host/msd/lattice.hpp"
 #include "host/session/simulation.hpp"
+#include "shared/math/minimum_jerk.hpp"
 #include "shared/servo_tick.hpp"
 
 namespace palpate::host {
@@ -21,7 +22,7 @@ void append(std::vector<Vec3d>& tip_m, const Vec3d& to_m, std::uint32_t ticks) {
   const Vec3d from_m = tip_m.back();
   for (std::uint32_t i = 1; i <= ticks; ++i) {
     const double u = static_cast<double>(i) / ticks;
-    tip_m.push_back(from_m + (to_m - from_m) * (u * u * u * (10.0 + u * (6.0 * u - 15.0))));
+    tip_m.push_back(from_m + (to_m - from_m) * minimum_jerk(u));
   }
 }
 

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "shared/math/minimum_jerk.hpp"
+
 namespace palpate::host {
 namespace {
 
@@ -47,10 +49,6 @@ void validate(const Body& body, const std::vector<NodeDrive>& drives) {
         refuse(i, "node", drive.node,
                "a node that body.drives[" + std::to_string(other) + "] does not drive at the same time");
   }
-}
-
-double minimum_jerk(double u) {
-  return u * u * u * (10.0 + u * (-15.0 + u * 6.0));
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "shared/math/minimum_jerk.hpp"
+
 namespace palpate::plant {
 
 TipPath::TipPath(Kind kind, std::vector<TimedPosition> points) : kind_(kind), points_(std::move(points)) {
@@ -50,7 +52,7 @@ PathPoint TipPath::at(double time_s) const {
   const double duration_s = after->time_s - from.time_s;
   const double u = (time_s - from.time_s) / duration_s;
   if (kind_ == Kind::samples) return {from.position_m + way_m * u, way_m * (1.0 / duration_s)};
-  const double progress = u * u * u * (10.0 + u * (-15.0 + u * 6.0));
+  const double progress = palpate::minimum_jerk(u);
   const double rate_1_s = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
   return {from.position_m + way_m * progress, way_m * rate_1_s};
 }

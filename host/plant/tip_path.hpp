@@ -20,7 +20,7 @@ struct PathPoint {
 class TipPath {
  public:
   // Straight minimum-jerk movements between waypoints, at rest in each of them: position a + (b - a) s(u)
-  // with s = 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985), u the fraction of the time between the two. A
+  // with s of shared/math/minimum_jerk.hpp, u the fraction of the time between the two. A
   // pause is two waypoints in one place. Both factories throw std::invalid_argument for no point, a number
   // that is not finite, or times that do not strictly increase; the message names the point (counted from 0),
   // the value and what is allowed.

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "host/msd/vectors.hpp"
 #include "host/session/model_replay.hpp"
 
 namespace palpate::host {
@@ -56,6 +57,7 @@ class Paper final : public FeedbackScheme {
     const int steps = steps_per_tick(surface.step_s());
     for (std::uint32_t tick = from; tick != until; ++tick) {
       for (int i = 0; i < steps; ++i) surface.advance();
+      // The positions came over the link in single precision: the same bits.
       if (patch_) (void)patch_->replay.step(narrow(path.at(tick + 1)));
     }
     contact = {};
@@ -78,11 +80,6 @@ class Paper final : public FeedbackScheme {
     Eigen::MatrixXd basis_1_sqrt_kg;
     Eigen::Matrix3Xd start_m;  // of all nodes, at q = 0
   };
-
-  // The positions came over the link in single precision: the same bits.
-  static Vec3f narrow(const Vec3d& v) {
-    return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
-  }
 
   void overwrite(BodySurface& surface) const {
     const auto modes = patch_->basis_1_sqrt_kg.cols();

@@ -4,6 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "host/msd/vectors.hpp"
+#include "shared/wire/model_view.hpp"
+
 namespace palpate::host {
 
 ModelReplay::ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m, std::uint32_t tick)
@@ -25,10 +28,7 @@ ModelReplay::ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip
     throw std::invalid_argument("local model " + std::to_string(message.sequence) +
                                 ": the board would refuse it with status " +
                                 std::to_string(static_cast<int>(status)));
-  for (std::size_t m = 0; m < message.modes; ++m) {
-    state_.q[m] = message.state_q.elements[m];
-    state_.p[m] = message.state_p.elements[m];
-  }
+  wire::read_state(message, state_);
 }
 
 firmware::ServoSample ModelReplay::step(const Vec3f& tip_m) {
@@ -38,9 +38,6 @@ firmware::ServoSample ModelReplay::step(const Vec3f& tip_m) {
 }
 
 ContactState<double> ModelReplay::contact() const {
-  const auto widen = [](const Vec3f& v) {
-    return Vec3d{static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
-  };
   const ContactState<float>* now = renderer_->model_contact();
   if (now == nullptr) throw std::logic_error("a replay has no contact before its first step");
   ContactState<double> contact;

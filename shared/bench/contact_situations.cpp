@@ -3,12 +3,11 @@
 #include <cmath>
 
 #include "shared/contact/contact.hpp"
-#include "shared/servo_tick.hpp"
+#include "shared/model/backward_euler_mode.hpp"
 
 namespace palpate::bench {
 namespace {
 
-constexpr float kStep_s = static_cast<float>(kTick_s);
 constexpr float kSpacing_m = 0.01f;
 constexpr float kNodeMass_kg = 0.001f;
 
@@ -54,14 +53,7 @@ void ContactSituations::build_model(ModelSize size, std::uint32_t number) {
     basis_scale_[m] = largest / kLargestEntry;
     const float omega_rad_s = random.uniform(250.0f, 1200.0f);
     const float lambda = omega_rad_s * omega_rad_s, damping_rad_s = omega_rad_s;
-    const float inverse = 1.0f / (1.0f + kStep_s * damping_rad_s + kStep_s * kStep_s * lambda);
-    float* c = &coefficient_[kCoefficientsPerMode * m];
-    c[2] = -(kStep_s * lambda) * inverse;
-    c[3] = inverse - 1.0f;
-    c[5] = kStep_s * inverse;
-    c[0] = kStep_s * c[2];
-    c[1] = kStep_s * inverse;
-    c[4] = kStep_s * c[5];
+    backward_euler_mode(lambda, damping_rad_s, &coefficient_[kCoefficientsPerMode * m]);
     load_[m] = random.uniform(-1.0f, 1.0f);
   }
   view_ = LocalModelView{.modes = modes,

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "shared/contact/contact_state.hpp"
+#include "shared/math/lcg.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/model/local_model.hpp"
 #include "shared/model/modal_surface.hpp"
@@ -27,25 +28,6 @@ enum class TickKind : std::uint8_t {
   separation = 5
 };
 inline constexpr std::size_t kTickKinds = 6;
-
-// Numerical Recipes' generator (Press et al., 3rd edition, section 7.1.4).
-class Lcg {
- public:
-  explicit Lcg(std::uint32_t seed) : state_(seed) {}
-  // Uniform in 0 ... bound - 1.
-  std::int32_t below(std::uint32_t bound) {
-    state_ = state_ * 1664525u + 1013904223u;
-    return static_cast<std::int32_t>((state_ >> 8) % bound);
-  }
-  // Uniform in [low, high), in 2^16 steps.
-  float uniform(float low, float high) {
-    constexpr std::uint32_t kSteps = 1u << 16;
-    return low + (high - low) * (static_cast<float>(below(kSteps)) * (1.0f / static_cast<float>(kSteps)));
-  }
-
- private:
-  std::uint32_t state_;
-};
 
 // Situation `number` of a size: a model (a new one every kSituationsPerModel), moving by up to some
 // millimetres, with a tip that is free or in contact with one of its triangles, point or sphere, with

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "shared/contact/collision.hpp"
+#include "shared/contact/test_grid.hpp"
 
 namespace palpate {
 namespace {
@@ -23,25 +24,11 @@ class Paraboloid {
  public:
   using Real = double;
   explicit Paraboloid(double curvature_1_m, SurfaceKind kind = SurfaceKind::smooth)
-      : curvature_1_m_(curvature_1_m), kind_(kind) {
-    for (std::uint32_t j = 0; j + 1 < kSide; ++j)
-      for (std::uint32_t i = 0; i + 1 < kSide; ++i) {
-        const std::uint32_t a = j * kSide + i;
-        triangles_.push_back({a, a + 1, a + kSide + 1});
-        triangles_.push_back({a, a + kSide + 1, a + kSide});
-      }
-  }
+      : curvature_1_m_(curvature_1_m), kind_(kind) {}
   SurfaceKind kind() const { return kind_; }
-  std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(triangles_.size()); }
+  std::uint32_t triangle_count() const { return triangles_.count(); }
   std::array<std::uint32_t, 3> corners(std::uint32_t t) const { return triangles_[t]; }
-  std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {
-    const std::uint32_t start = triangles_[t][(c + 1) % 3], end = triangles_[t][(c + 2) % 3];
-    for (std::uint32_t other = 0; other < triangles_.size(); ++other)
-      for (std::uint32_t k = 0; k < 3; ++k)
-        if (triangles_[other][k] == end && triangles_[other][(k + 1) % 3] == start)
-          return static_cast<std::int32_t>(other);
-    return kNoTriangle;
-  }
+  std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const { return triangles_.neighbour(t, c); }
   Vec3d position(std::uint32_t node) const {
     return at(kCell_m * (node % kSide - 0.5 * (kSide - 1)), kCell_m * (node / kSide - 0.5 * (kSide - 1)));
   }
@@ -65,7 +52,7 @@ class Paraboloid {
  private:
   double curvature_1_m_;
   SurfaceKind kind_;
-  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  test::GridTriangles triangles_{kSide};
 };
 
 // In the middle of the first cell's lower triangle.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "shared/contact/contact.hpp"
+#include "shared/contact/test_grid.hpp"
 
 namespace palpate::test {
 
@@ -30,26 +31,13 @@ class Bed {
     for (std::uint32_t j = 0; j < kSide; ++j)
       for (std::uint32_t i = 0; i < kSide; ++i) rest_[j * kSide + i] = {i * kSpacing_m, j * kSpacing_m, 0.0};
     now_ = before_ = rest_;
-    for (std::uint32_t j = 0; j + 1 < kSide; ++j)
-      for (std::uint32_t i = 0; i + 1 < kSide; ++i) {
-        const std::uint32_t a = j * kSide + i;
-        triangles_.push_back({a, a + 1, a + kSide + 1});
-        triangles_.push_back({a, a + kSide + 1, a + kSide});
-      }
   }
 
   static constexpr double step_s() { return kStep_s; }
   SurfaceKind kind() const { return SurfaceKind::smooth; }
-  std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(triangles_.size()); }
+  std::uint32_t triangle_count() const { return triangles_.count(); }
   std::array<std::uint32_t, 3> corners(std::uint32_t t) const { return triangles_[t]; }
-  std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {
-    const std::uint32_t start = triangles_[t][(c + 1) % 3], end = triangles_[t][(c + 2) % 3];
-    for (std::uint32_t other = 0; other < triangles_.size(); ++other)
-      for (std::uint32_t k = 0; k < 3; ++k)
-        if (triangles_[other][k] == end && triangles_[other][(k + 1) % 3] == start)
-          return static_cast<std::int32_t>(other);
-    return kNoTriangle;
-  }
+  std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const { return triangles_.neighbour(t, c); }
   Friction<double> friction(std::uint32_t) const { return friction_; }
   Nearness nearness(const Vec3d&, const Vec3d&, double) { return Nearness::near; }
   bool may_touch(std::uint32_t, const Vec3d&, const Vec3d&, double) const { return true; }
@@ -96,7 +84,7 @@ class Bed {
  private:
   Friction<double> friction_;
   std::vector<Vec3d> rest_, now_, before_, velocity_;
-  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  GridTriangles triangles_{kSide};
 };
 static_assert(ContactSurface<Bed>);
 

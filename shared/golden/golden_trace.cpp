@@ -7,27 +7,13 @@
 #include "shared/device/actuation.hpp"
 #include "shared/device/arm.hpp"
 #include "shared/device/encoders.hpp"
+#include "shared/math/lcg.hpp"
 #include "shared/math/trig.hpp"
-#include "shared/servo_tick.hpp"
+#include "shared/model/backward_euler_mode.hpp"
 
 namespace palpate::golden {
 namespace {
 
-// Numerical Recipes' generator (Press et al., 3rd edition, section 7.1.4): integers only.
-class Lcg {
- public:
-  explicit Lcg(std::uint32_t seed) : state_(seed) {}
-  // Uniform in 0 ... bound - 1.
-  std::int32_t below(std::uint32_t bound) {
-    state_ = state_ * 1664525u + 1013904223u;
-    return static_cast<std::int32_t>((state_ >> 8) % bound);
-  }
-
- private:
-  std::uint32_t state_;
-};
-
-constexpr float kStep_s = static_cast<float>(kTick_s);
 constexpr float kSpacing_m = 0.01f;
 
 // A movement of the tip's centre in a straight line, with a small circle on top that makes it stick and slip.
@@ -178,19 +164,11 @@ void GoldenTrace::build_model() {
     }
     // 1 / (sqrt(16 nodes) sqrt(1 g)) = 7.9 for the largest entries.
     basis_scale_[m] = 7.9f / 32767.0f;
-    // Frequencies from 250 to 1,150 rad/s, every fourth mode hardly damped; stepped by backward Euler, which
-    // needs divisions only: p' = (p - h lambda q + h u) / (1 + h d + h^2 lambda), q' = q + h p'.
+    // Frequencies from 250 to 1,150 rad/s, every fourth mode hardly damped.
     const float omega_rad_s = 250.0f + 60.0f * static_cast<float>(walsh);
     const float lambda = omega_rad_s * omega_rad_s;
     const float damping_rad_s = m % 4 == 0 ? 5.0f : 0.8f * omega_rad_s;
-    const float inverse = 1.0f / (1.0f + kStep_s * damping_rad_s + kStep_s * kStep_s * lambda);
-    float* c = &coefficient_[kCoefficientsPerMode * m];
-    c[2] = -(kStep_s * lambda) * inverse;
-    c[3] = inverse - 1.0f;
-    c[5] = kStep_s * inverse;
-    c[0] = kStep_s * c[2];
-    c[1] = kStep_s * inverse;
-    c[4] = kStep_s * c[5];
+    backward_euler_mode(lambda, damping_rad_s, &coefficient_[kCoefficientsPerMode * m]);
     load_[m] = static_cast<float>(random.below(2001) - 1000) * 1e-3f;
   }
   view_ = LocalModelView{.modes = kModes,

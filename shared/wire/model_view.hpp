@@ -1,5 +1,7 @@
-// The local model within its message.
+// The local model within its message: its constant part, and the state that it starts from.
 #pragma once
+
+#include <cstddef>
 
 #include "shared/model/local_model.hpp"
 #include "shared/wire/messages.hpp"
@@ -25,6 +27,14 @@ inline LocalModelView view_of(const palpate_LocalModel_1_0& message) {
           .load = message.load.elements,
           .basis_scale = message.basis_scale.elements,
           .basis = message.basis.elements};
+}
+
+// The modal state in the message, whose counts must have been checked. Any context.
+inline void read_state(const palpate_LocalModel_1_0& message, ModalState& state) {
+  for (std::size_t m = 0; m < message.modes; ++m) {
+    state.q[m] = message.state_q.elements[m];
+    state.p[m] = message.state_p.elements[m];
+  }
 }
 
 }  // namespace palpate::wire

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from palpate.reproduce import fig12, fig13, fig14, fig15, fig16, fig17
+from palpate.reproduce import fig12, fig13, fig14, fig15, fig16, fig17, pulled_node
 from palpate.reproduce.checks import Check, all_passed
 from palpate.reproduce.figure import Run
 from palpate.reproduce.forces import contact_forces, largest_ratio
@@ -90,10 +90,10 @@ def test_constants_are_those_of_the_scenes() -> None:
     twelve, thirteen, sixteen, seventeen = (
         load_scene(figure.FIGURE.runs[0].file).sections for figure in (fig12, fig13, fig16, fig17)
     )
-    assert [drive.release_s for drive in twelve.body.drives] == [fig12.RELEASE_S]
-    assert [drive.release_s for drive in thirteen.body.drives] == [fig13.RELEASE_S]
-    assert twelve.rates.model_update_Hz == fig12.GLOBAL_RATE_HZ
-    assert thirteen.rates.model_update_Hz == fig13.GLOBAL_RATE_HZ
+    assert [drive.release_s for drive in twelve.body.drives] == [pulled_node.RELEASE_S]
+    assert [drive.release_s for drive in thirteen.body.drives] == [pulled_node.RELEASE_S]
+    assert twelve.rates.model_update_Hz == pulled_node.GLOBAL_RATE_HZ
+    assert thirteen.rates.model_update_Hz == pulled_node.GLOBAL_RATE_HZ
     assert (sixteen.contact.static_friction, sixteen.contact.kinetic_friction) == (fig16.KINETIC, fig16.KINETIC)
     assert [change.time_s for change in seventeen.hand.grip_changes] == [fig17.LOOSEN_S]
     assert {seventeen.hand.grip} == {fig17.GRIPS[0]} and seventeen.rates.model_update_Hz == 30.0

@@ -9,15 +9,12 @@ from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
 from palpate.reproduce.figure import PaperFigure, Record, Records, Run
 from palpate.reproduce.forces import time_s
+from palpate.reproduce.pulled_node import GLOBAL_RATE_HZ, KNOWN_AFTER_S, RELEASE_S
 from palpate.reproduce.signals import held, largest_jump, rms
 
-GLOBAL_RATE_HZ = 30.0
 _MILLI = 1e3
 # "Much lower than the height of the stair step": at most half of it.
 LARGEST_JUMP_RATIO = 0.5
-# Release in the scene, and the time after which a model on the board knows of it: a frame, and its way to the board.
-RELEASE_S = 1.0
-_KNOWN_AFTER_S = 0.1
 # Before, the instrument comes in.
 _DRAWN_FROM_S = 0.45
 _REFERENCE_MATERIAL = {"body.mass_kg": 0.001, "body.stiffness_N_m": 100.0, "body.damping_ratio": 1.0}
@@ -25,7 +22,7 @@ _REFERENCE_MATERIAL = {"body.mass_kg": 0.001, "body.stiffness_N_m": 100.0, "body
 
 def window(record: Record) -> NDArray[np.bool_]:
     """The part of the run that counts: the surface swings after the release, and the board knows of it. (n,)"""
-    return np.asarray(time_s(record) >= RELEASE_S + _KNOWN_AFTER_S)
+    return np.asarray(time_s(record) >= RELEASE_S + KNOWN_AFTER_S)
 
 
 def jump_N(record: Record) -> float:
@@ -37,6 +34,10 @@ def rms_error_N(record: Record) -> float:
     """Rms error of the rendered force there, against the global model at 1 kHz."""
     part = window(record)
     return rms(record["ticks/force_N"][part].astype(np.float64) - record["reference/force_N"][part])
+
+
+def _ratio(value: float, base: float) -> float:
+    return value / base if base > 0.0 else float("nan")
 
 
 def checks(records: Records) -> list[Check]:
@@ -70,7 +71,7 @@ def checks(records: Records) -> list[Check]:
             Check(
                 f"{name}: largest jump relative to that of global 30 Hz",
                 much_lower,
-                jump_N(record) / stair if stair > 0.0 else float("nan"),
+                _ratio(jump_N(record), stair),
                 "",
                 half,
                 at_most=LARGEST_JUMP_RATIO,
@@ -81,7 +82,7 @@ def checks(records: Records) -> list[Check]:
             "multi-rate, local model discarded: largest jump relative to that of global 30 Hz",
             "if the local model is discarded at the end of the time step, the new model may have a large discontinuity "
             "in force output (section 3)",
-            jump_N(discard) / stair if stair > 0.0 else float("nan"),
+            _ratio(jump_N(discard), stair),
             "",
             "reported only",
         )
@@ -90,7 +91,7 @@ def checks(records: Records) -> list[Check]:
         Check(
             "multi-rate, patch of 4x4x2 nodes: largest jump relative to that of global 30 Hz",
             NO_NUMBER,
-            jump_N(small) / stair if stair > 0.0 else float("nan"),
+            _ratio(jump_N(small), stair),
             "",
             "reported only: the paper’s figure has a patch of 4x4x4",
         )
@@ -100,7 +101,7 @@ def checks(records: Records) -> list[Check]:
         Check(
             "multi-rate: rms error relative to that of global 30 Hz",
             "the multi-rate simulation follows the tangent behavior of the system between each global update",
-            rms_error_N(exact) / held_error_N if held_error_N > 0.0 else float("nan"),
+            _ratio(rms_error_N(exact), held_error_N),
             "",
             f"{NO_NUMBER}: a better curve than the stair step",
             at_most=1.0,
@@ -116,7 +117,7 @@ def checks(records: Records) -> list[Check]:
             Check(
                 f"multi-rate, {name}: rms error relative to that of global 30 Hz",
                 NO_NUMBER,
-                rms_error_N(record) / held_error_N if held_error_N > 0.0 else float("nan"),
+                _ratio(rms_error_N(record), held_error_N),
                 "",
                 "reported only: the paper claims lower jumps, not a smaller error, and shows no error",
             )
@@ -124,12 +125,11 @@ def checks(records: Records) -> list[Check]:
     for record, name in ((exact, "multi-rate"), *((record, f"multi-rate, {name}") for record, name in others)):
         rows.append(Check(f"{name}: largest jump", NO_NUMBER, _MILLI * jump_N(record), "mN", "reported only"))
         rows.append(Check(f"{name}: rms error", NO_NUMBER, _MILLI * rms_error_N(record), "mN", "reported only"))
-    fast_stair = jump_N(records["fast_hold"])
     rows.append(
         Check(
             "the same with the reference material, which swings at 10 Hz: jump of multi-rate relative to global 30 Hz",
             NO_NUMBER,
-            jump_N(records["fast"]) / fast_stair if fast_stair > 0.0 else float("nan"),
+            _ratio(jump_N(records["fast"]), jump_N(records["fast_hold"])),
             "",
             "reported only, as a limit of the method: a patch with its border held cannot follow the swing of the whole "
             "body over a third of its period",

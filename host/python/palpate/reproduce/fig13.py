@@ -10,16 +10,13 @@ from palpate.reproduce import plot
 from palpate.reproduce.checks import NO_NUMBER, Check
 from palpate.reproduce.figure import PaperFigure, Record, Records, Run
 from palpate.reproduce.forces import FREE, time_s
+from palpate.reproduce.pulled_node import GLOBAL_RATE_HZ, KNOWN_AFTER_S, RELEASE_S
 from palpate.reproduce.signals import delay_ticks, held, residual, rms
 
-GLOBAL_RATE_HZ = 30.0
 GLOBAL_STEP_MS = 1000.0 / GLOBAL_RATE_HZ
-RELEASE_S = 1.0
 LARGEST_RESIDUAL = 0.1
 # Where the delay is looked for.
 _MOST_TICKS = 100
-# The time after the release from which a model on the board knows of it: a frame, and its way to the board.
-_KNOWN_AFTER_S = 0.1
 # Before that the board has no model yet.
 _BEGIN_S = 0.3
 
@@ -44,9 +41,9 @@ def checks(records: Records) -> list[Check]:
     local_m, global_m, sampled_m = heights(record, _BEGIN_S)
     shift_global = delay_ticks(local_m, global_m, _MOST_TICKS)
     shift_sampled = delay_ticks(local_m, sampled_m, _MOST_TICKS)
-    wave_local_m, wave_global_m, _ = heights(record, RELEASE_S + _KNOWN_AFTER_S)
+    wave_local_m, wave_global_m, _ = heights(record, RELEASE_S + KNOWN_AFTER_S)
     wave_shift = delay_ticks(wave_local_m, wave_global_m, _MOST_TICKS)
-    small_local_m, small_global_m, _ = heights(records["small"], RELEASE_S + _KNOWN_AFTER_S)
+    small_local_m, small_global_m, _ = heights(records["small"], RELEASE_S + KNOWN_AFTER_S)
     small_shift = delay_ticks(small_local_m, small_global_m, _MOST_TICKS)
     step = "the paper’s number: one global time step of 33.3 ms"
     return [
@@ -89,7 +86,7 @@ def checks(records: Records) -> list[Check]:
         Check(
             "delay in the wave where the local model is discarded at each update and begins as if of the present",
             delay,
-            delay_ticks(*heights(records["discard"], RELEASE_S + _KNOWN_AFTER_S)[:2], _MOST_TICKS),
+            delay_ticks(*heights(records["discard"], RELEASE_S + KNOWN_AFTER_S)[:2], _MOST_TICKS),
             "ms",
             "reported only: this is the scheme of section 2, without time stamps",
         ),

@@ -1,0 +1,115 @@
+// What the tests of the renderer share: a tip that comes and goes, a renderer with its two contexts, and the
+// same model stepped directly.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "firmware/core/renderer.hpp"
+#include "firmware/test_support.hpp"
+#include "shared/contact/contact.hpp"
+#include "shared/wire/model_view.hpp"
+
+namespace palpate::firmware::test {
+
+inline constexpr Vec3f kCentre_m{0.001f, -0.002f, 0.003f};
+inline constexpr std::uint8_t kModelUsed = palpate_ServoSample_1_0_FLAG_MODEL_USED,
+                              kModelSwap = palpate_ServoSample_1_0_FLAG_MODEL_SWAP;
+
+// Down onto the square, a slow circle on it, and up again: every 400 ticks.
+inline Vec3f tip_at(std::uint32_t tick) {
+  const float phase = static_cast<float>(tick % 400) / 400.0f;
+  const float angle_rad = 6.2831853f * phase;
+  return kCentre_m + Vec3f{0.0025f * std::cos(angle_rad), 0.0025f * std::sin(2.0f * angle_rad),
+                           0.001f - 0.0025f * std::sin(3.1415927f * phase)};
+}
+
+inline void expect_equal(const ServoSample& a, const ServoSample& b, std::uint32_t tick) {
+  EXPECT_EQ(a.tip_m, b.tip_m) << tick;
+  EXPECT_EQ(a.force_N, b.force_N) << tick;
+  EXPECT_EQ(a.mode, b.mode) << tick;
+  EXPECT_EQ(a.flags, b.flags) << tick;
+  EXPECT_EQ(a.triangle, b.triangle) << tick;
+  EXPECT_EQ(a.barycentric, b.barycentric) << tick;
+}
+
+// The model of a message, stepped directly.
+class Reference {
+ public:
+  Reference(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
+      : message_(std::make_unique<palpate_LocalModel_1_0>(message)) {
+    const palpate_LocalModel_1_0& m = *message_;
+    view_ = wire::view_of(m);
+    wire::read_state(m, state_);
+    surface_.bind(view_, state_);
+    previous_m_ = tip_m - view_.origin_m;
+  }
+  const ContactState<float>& step(const Vec3f& tip_m) {
+    const ContactLaw<float> law{
+        .tip_radius_m = message_->tip_radius_m,
+        .coupling = {message_->coupling_stiffness_N_m, message_->coupling_damping_N_s_m}};
+    step_contact(surface_, contact_, law, previous_m_, tip_m - view_.origin_m);
+    previous_m_ = tip_m - view_.origin_m;
+    return contact_;
+  }
+  // The model with the state and the contact that it has now.
+  palpate_LocalModel_1_0 as_it_is(std::uint32_t sequence, std::uint32_t tick) const {
+    palpate_LocalModel_1_0 m = *message_;
+    m.sequence = sequence;
+    m.tick = tick;
+    for (std::size_t i = 0; i < m.modes; ++i) {
+      m.state_q.elements[i] = state_.q[i];
+      m.state_p.elements[i] = state_.p[i];
+    }
+    m.contact.mode = static_cast<std::uint8_t>(contact_.mode);
+    m.contact.triangle = m.triangle_id.elements[contact_.triangle];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      m.contact.barycentric[axis] = contact_.barycentric[axis];
+      m.contact.force_N[axis] = contact_.force_N[axis];
+      m.contact.coupling_stretch_m[axis] = contact_.stretch_m[axis];
+    }
+    m.contact.height_m = contact_.height_m;
+    return m;
+  }
+
+ private:
+  std::unique_ptr<palpate_LocalModel_1_0> message_;
+  LocalModelView view_{};
+  ModalState state_{};
+  ModalSurface surface_{};
+  ContactState<float> contact_{};
+  Vec3f previous_m_{};
+};
+
+// A renderer with its two contexts in turn.
+struct Runner {
+  // Interrupt, then background; the tick's sample.
+  ServoSample tick() {
+    const ServoSample sample = renderer->isr_tick(now, tip_at(now));
+    ++now;
+    ModelReport report;
+    if (renderer->catch_up(report)) reports.push_back(report);
+    return sample;
+  }
+  void ticks(int count) {
+    for (int i = 0; i < count; ++i) (void)tick();
+  }
+  Status accept(const palpate_LocalModel_1_0& message) { return accept(HostPeer::payload(message)); }
+  Status accept(const std::vector<std::uint8_t>& payload) {
+    ModelReport report;
+    const Status status = renderer->accept(payload, report);
+    if (status != Status::ok) reports.push_back(report);
+    return status;
+  }
+
+  std::unique_ptr<Renderer> renderer = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::uint32_t now = 0;  // the next tick
+  std::vector<ModelReport> reports;
+};
+
+}  // namespace palpate::firmware::test
