@@ -298,5 +298,37 @@ TEST(AdvanceTick, ATriangleOfFixedNodesIsASpringBeforeAWall) {
   EXPECT_LE((surface.state().position_m - body.rest_position_m()).cwiseAbs().maxCoeff(), 1e-16);
 }
 
+// Over fixed nodes friction builds up with the spring, and then goes on: a slip does not let go of it.
+TEST(AdvanceTick, ADragOverFixedNodesSlipsSteadily) {
+  constexpr double kFriction = 0.3, kDepth_m = 0.001, kDrag_m = 0.006;
+  constexpr int kTicks = 300;
+  const Body body = block(4);
+  BodySurface surface(body, body.rest_state(), 1e-4, SurfaceKind::smooth, {},
+                      {.elsewhere = {kFriction, kFriction}, .regions = {}});
+  ContactState<double> contact;
+  const ContactLaw<double> law{};
+  // From below, where all nodes are fixed.
+  const double bottom_m = -0.03;
+  Path path({0.0115, 0.0155, bottom_m - 0.001});
+  path.to({0.0115, 0.0155, bottom_m + kDepth_m}, 50);
+  const std::size_t pressed = path.tip_m.size();
+  path.to({0.0115 + kDrag_m, 0.0155, bottom_m + kDepth_m}, kTicks);
+  const double cone_N = kFriction * kSkinStiffness_N_m * kDepth_m;
+  double before_N = 0.0;
+  int slipping = 0;
+  for (std::size_t i = 1; i < path.tip_m.size(); ++i) {
+    const BodyTick tick = advance_tick(surface, contact, law, path.tip_m[i - 1], path.tip_m[i]);
+    if (i < pressed) continue;
+    const double along_N = tick.mean_force_N.x;
+    slipping += contact.mode == ContactMode::slip;
+    EXPECT_GE(along_N, before_N - kRounding * cone_N) << i;
+    EXPECT_LE(along_N, cone_N * (1.0 + kRounding)) << i;
+    before_N = along_N;
+  }
+  // It sticks for cone / skin = 0.3 mm of 6: in a path that begins at rest, for a seventh of the time.
+  EXPECT_GT(slipping, kTicks * 6 / 7 - 1);
+  EXPECT_NEAR(before_N, cone_N, kRounding);
+}
+
 }  // namespace
 }  // namespace palpate::host

@@ -171,7 +171,9 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   state.force_N = solution.force_N;
   state.stretch_m = coupling.stretch_m(state.stretch_m, solution.force_N);
   surface.apply(state.triangle, state.barycentric, solution.force_N);
-  if (solution.mode == ContactMode::slip) detail::follow(surface, state, to);
+  // The skin's stretch stays, too: without it friction would be let go in each slip.
+  if (solution.mode == ContactMode::slip)
+    detail::follow(surface, state, to - solution.force_N * response.skin_m_N);
 }
 
 }  // namespace palpate

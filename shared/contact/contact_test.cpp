@@ -44,17 +44,33 @@ TEST(Contact, ATipWithRadiusTouchesEarlier) {
   EXPECT_NEAR(touched_at_m, kRadius_m, 1e-5);
 }
 
+// Solves of 3x3 systems of condition 1, and unit vectors, in double.
+constexpr double kExact = 1e-12;
+
+double pressing_N(const ContactState<double>& state) {
+  return -dot(state.force_N, state.normal);
+}
+double along_N(const ContactState<double>& state) {
+  return norm(state.force_N + state.normal * pressing_N(state));
+}
+
 TEST(Contact, DragWithFrictionKeepsTheConeAndCrossesTriangles) {
-  Bed bed({0.5, 0.5});
+  constexpr double kFriction = 0.5;
+  Bed bed({kFriction, kFriction});
   ContactState<double> state;
   const ContactLaw<double> law{};
   Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
   int slipping = 0;
-  std::uint32_t first = state.triangle, changes = 0, last = first;
+  std::uint32_t changes = 0, last = state.triangle;
   move(bed, state, law, tip, {0.042, 0.024, -0.001}, 1.0, [&](const Vec3d&) {
-    const double fn =
-        -state.force_N.z;  // the bed's triangles tilt little: the cone is checked along each normal below
-    EXPECT_GE(fn, -1e-12);
+    ASSERT_NE(state.mode, ContactMode::free);
+    EXPECT_GT(pressing_N(state), 0.0);
+    const double cone_N = kFriction * pressing_N(state);
+    if (state.mode == ContactMode::slip) {
+      EXPECT_NEAR(along_N(state), cone_N, kExact * cone_N);
+    } else {
+      EXPECT_LE(along_N(state), cone_N * (1.0 + kExact));
+    }
     slipping += state.mode == ContactMode::slip;
     changes += state.triangle != last;
     last = state.triangle;
@@ -63,19 +79,28 @@ TEST(Contact, DragWithFrictionKeepsTheConeAndCrossesTriangles) {
   EXPECT_GE(changes, 4u);
 }
 
+// The force is in the normal, and that is the surface's but for its lean (slide.hpp): by at most the height
+// over the width of the triangle.
 TEST(Contact, FrictionlessDragHasNoTangentialForce) {
   Bed bed({0.0, 0.0});
   ContactState<double> state;
   const ContactLaw<double> law{};
   Vec3d tip = move(bed, state, law, {0.012, 0.023, 0.005}, {0.012, 0.023, -0.001}, 0.3, kNothing);
+  ContactState<double> before = state;
+  double largest_lean = 0;
   move(bed, state, law, tip, {0.042, 0.023, -0.001}, 1.0, [&](const Vec3d&) {
-    if (state.mode == ContactMode::free) return;
-    EXPECT_EQ(state.mode, ContactMode::slip);
-    const auto corner = bed.corners(state.triangle);
-    (void)corner;
-    EXPECT_LE(std::hypot(state.force_N.x, state.force_N.y),
-              0.2 * std::abs(state.force_N.z));  // tilt of a triangle
+    ASSERT_EQ(state.mode, ContactMode::slip);
+    EXPECT_LE(along_N(state), kExact * pressing_N(state));
+    const auto corner = bed.corners(before.triangle);
+    const Vec3d a = bed.position_before(corner[0]);
+    const double width_m =
+        std::sqrt(norm(cross(bed.position_before(corner[1]) - a, bed.position_before(corner[2]) - a)));
+    const double lean = norm(state.normal - bed.normal_before(before.triangle, before.barycentric));
+    EXPECT_LE(lean, std::abs(before.height_m) / width_m + kExact);
+    largest_lean = std::max(largest_lean, lean);
+    before = state;
   });
+  EXPECT_GT(largest_lean, 1e-4);  // it does lean
 }
 
 TEST(Contact, PullingAwaySeparatesAndTouchesAgain) {
@@ -118,14 +143,22 @@ TEST(Contact, ATipThatStartsInsideIsPushedOutWithABoundedForce) {
   EXPECT_NEAR(state.inset_m, kDepth_m - kPushOut_m_s * Bed::kStep_s, 1e-12);
   double largest_N = 0, before_m = state.inset_m;
   move(bed, state, {}, held, held, 1.0, [&](const Vec3d&) {
-    largest_N = std::max(largest_N, norm(state.force_N));
+    // What presses is bounded; friction of 1 may add as much along the surface.
+    EXPECT_LE(pressing_N(state), kPushOut_N);
+    EXPECT_LE(along_N(state), pressing_N(state) * (1.0 + kExact));
+    largest_N = std::max(largest_N, pressing_N(state));
     EXPECT_LE(before_m - state.inset_m, kPushOut_m_s * Bed::kStep_s * (1 + 1e-9));
     before_m = state.inset_m;
   });
-  // The bed's springs would hold much more than that at this depth.
-  EXPECT_GT(state.inset_m, 0.001);
-  EXPECT_LE(largest_N, kPushOut_N);
-  EXPECT_GT(largest_N, 0.9 * kPushOut_N);
+  // The bed's springs would hold much more than that at this depth. They give way until they and the dampers,
+  // at the speed of drawing, hold the bound.
+  const double weight = dot(state.barycentric, state.barycentric);
+  const double held_m = kDepth_m - kPushOut_N * weight / Bed::kStiffness_N_m;
+  const double damped_m = Bed::kDamping_N_s_m * kPushOut_m_s / Bed::kStiffness_N_m;
+  EXPECT_GE(state.inset_m, held_m);
+  EXPECT_LE(state.inset_m, held_m + damped_m + kPushOut_m_s * Bed::kStep_s);
+  // It was drawn until one step more at that speed would have been too much for the springs.
+  EXPECT_GT(largest_N, kPushOut_N - kPushOut_m_s * Bed::kStep_s * Bed::kStiffness_N_m / weight);
 }
 
 // A hand that gives way is led out, and touches from outside as ever afterwards.
@@ -134,20 +167,21 @@ TEST(Contact, ATipThatStartsInsideComesOut) {
   ContactState<double> state;
   constexpr double kMass_kg = 0.2, kDamping_N_s_m = 5.0, kStart_m = -0.004;
   Vec3d tip{0.021, 0.023, kStart_m}, velocity{};
-  double largest_N = 0;
   bool came_out = false;
   for (int i = 0; i < 30000 && !came_out; ++i) {
     velocity += (state.force_N * -1.0 - velocity * kDamping_N_s_m) * (Bed::kStep_s / kMass_kg);
     const Vec3d next = tip + velocity * Bed::kStep_s;
     step_contact(bed, state, {}, tip, next);
     tip = next;
-    largest_N = std::max(largest_N, norm(state.force_N));
+    if (state.mode != ContactMode::free) {
+      // Nothing but the pushing-out acts, and friction of 1.
+      EXPECT_LE(pressing_N(state), kPushOut_N);
+      EXPECT_LE(along_N(state), pressing_N(state) * (1.0 + kExact));
+    }
     came_out = state.mode == ContactMode::free && state.outside;
   }
   EXPECT_TRUE(came_out);
   EXPECT_GT(tip.z, -1e-3);
-  // Nothing but the pushing-out acts.
-  EXPECT_LE(largest_N, kPushOut_N);
   tip = move(bed, state, {}, tip, {0.021, 0.023, 0.005}, 0.2, kNothing);
   EXPECT_EQ(state.mode, ContactMode::free);
   move(bed, state, {}, tip, {0.021, 0.023, -0.002}, 0.2, kNothing);
@@ -193,8 +227,9 @@ TEST(Contact, ASphereThatOverlapsTheSurfaceIsPushedOut) {
   const Vec3d held{0.021, 0.023, 0.001};
   step_contact(bed, state, law, held, held);
   EXPECT_EQ(state.mode, ContactMode::stick);
-  EXPECT_NEAR(state.inset_m, 0.003, 1e-5);
-  EXPECT_LE(norm(state.force_N), kPushOut_N);
+  EXPECT_NEAR(state.inset_m, 0.003 - kPushOut_m_s * Bed::kStep_s, kExact);
+  EXPECT_LE(pressing_N(state), kPushOut_N);
+  EXPECT_EQ(along_N(state), 0.0);
 }
 
 TEST(Contact, CollisionTimeIsFoundWithinTheStep) {

@@ -152,6 +152,60 @@ TEST(ModalSurface, AFlatSurfaceHasTheNormalsOfItsTriangles) {
   }
 }
 
+// Dragged over the diagonal and back: each step has the friction of the triangle on which it begins, and
+// keeps to its cone.
+TEST(ModalSurface, EachTriangleHasItsOwnFriction) {
+  test::TestModel model(1e-3, 100, 1000, 1.0);
+  model.static_friction = {0.3f, 0.9f};
+  model.kinetic_friction = {0.2f, 0.7f};
+  model.triangle_friction = {1, 0};
+  model.view.frictions = 2;
+  model.view.static_friction = model.static_friction.data();
+  model.view.kinetic_friction = model.kinetic_friction.data();
+  ModalSurface surface;
+  surface.bind(model.view, model.state);
+  EXPECT_EQ(surface.friction(0), (Friction<float>{0.9f, 0.7f}));
+  EXPECT_EQ(surface.friction(1), (Friction<float>{0.3f, 0.2f}));
+  ContactState<float> contact;
+  Vec3f tip{0.007f, 0.004f, 0.0005f};
+  std::array<int, 2> slipping{}, sticking{}, crossings{};
+  constexpr float kCone = static_cast<float>(kFloatSum);
+  const auto go = [&](const Vec3f& to, int steps) {
+    const Vec3f from = tip;
+    for (int i = 1; i <= steps; ++i) {
+      const ContactState<float> before = contact;
+      const Vec3f next = from + (to - from) * (static_cast<float>(i) / static_cast<float>(steps));
+      step_contact(surface, contact, ContactLaw<float>{}, tip, next);
+      tip = next;
+      if (before.mode == ContactMode::free || contact.mode == ContactMode::free) continue;
+      const std::uint32_t t = before.triangle;
+      const float pressing_N = -dot(contact.normal, contact.force_N);
+      const float along_N = norm(contact.force_N + contact.normal * pressing_N);
+      const bool slipped = before.mode == ContactMode::slip;
+      const std::size_t pair = model.triangle_friction[t];
+      const float mu = model.kinetic_friction[pair], holds = slipped ? mu : model.static_friction[pair];
+      if (contact.mode == ContactMode::slip) {
+        EXPECT_NEAR(along_N, mu * pressing_N, kCone * pressing_N) << i;
+        ++slipping[t];
+      } else {
+        EXPECT_LE(along_N, (holds + kCone) * pressing_N) << i;
+        ++sticking[t];
+      }
+      if (contact.triangle != t) ++crossings[t];
+    }
+  };
+  go({0.007f, 0.004f, -0.001f}, 200);
+  for (int lap = 0; lap < 3; ++lap) {
+    go({0.003f, 0.008f, -0.001f}, 300);
+    go({0.007f, 0.004f, -0.001f}, 300);
+  }
+  for (std::size_t t = 0; t < 2; ++t) {
+    EXPECT_GT(slipping[t], 300) << t;
+    EXPECT_GT(sticking[t], 10) << t;
+    EXPECT_EQ(crossings[t], 3) << t;
+  }
+}
+
 // The contact's inversion of the sampled system must not ring (docs/decisions/contact_output.md): after the
 // tip has jumped by 0.1 mm, the alternating part of the force is below 1 % of the jump's first force within
 // ten ticks.
