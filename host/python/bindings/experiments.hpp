@@ -1,4 +1,4 @@
-// The three experiments of palpate._core (palpate/_core.pyi has their contracts).
+// The experiments and the linear system of palpate._core (palpate/_core.pyi has their contracts).
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -12,6 +12,7 @@ using Times = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::c
 using Positions = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
 nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress);
+nb::dict linear_body(const nb::dict& scene);
 nb::dict simulate(const nb::dict& scene, const nb::callable& progress);
 nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& tip_m,
                    const nb::callable& progress);

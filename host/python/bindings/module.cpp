@@ -7,6 +7,7 @@ NB_MODULE(_core, module) {
   module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "progress"_a);
+  module.def("linear_body", &palpate::python::linear_body, "scene"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
 }

@@ -30,3 +30,19 @@ def reference(
     """The full non-linear body with contact, stepped at the scene's reference.step_s while the tip goes through tip_m
     (n, 3) at time_s (n,). Returns the datasets reference/* and
     probe/reference_m by path."""
+
+def linear_body(scene: dict[str, Any]) -> dict[str, Any]:
+    """The linear system of the scene's body at rest and without load: mass x'' + damping x' + stiffness x = f.
+
+    x and f are displacements and forces at the d free degrees of freedom in the device frame: node by node, along x, y
+    and z, or x and z in two dimensions. Of the scene only [body] counts; weight, initial displacements and drives are
+    left out. n nodes, node = i + nodes[0] (j + nodes[1] k), and s springs.
+
+    mass_kg (d,), node (d,) and axis (d,; 0 x, 1 y, 2 z): of each degree of freedom.
+    stiffness, damping: symmetric (d, d) matrices K = -df/dX in N/m and B = -df/dV in N s/m, each as the three arrays of
+      `scipy.sparse.csc_array`: {data, indices, indptr}, rows ascending, no explicit zeros. Entries below 1e-13 of
+      sqrt(K_ii K_jj) are rounding and left out.
+    nodes (3,): of the lattice along x, y, z; spacing_m: between neighbours along an axis.
+    rest_position_m (n, 3), node_mass_kg (n,), fixed (n,; bool): of each node.
+    triangles (t, 3): nodes of the outer surface, counter-clockwise seen from outside; none in two dimensions.
+    springs (s, 2): the nodes at their ends; spring_stiffness_N_m and spring_damping_N_s_m (s,)."""
