@@ -48,6 +48,14 @@ class Reference {
     wire::read_state(m, state_);
     surface_.bind(view_, state_);
     previous_m_ = tip_m - view_.origin_m;
+    if (m.contact.mode == palpate_Contact_1_0_MODE_FREE) return;
+    contact_.mode = static_cast<ContactMode>(m.contact.mode);
+    while (view_.triangle_id[contact_.triangle] != m.contact.triangle) ++contact_.triangle;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      contact_.barycentric[axis] = m.contact.barycentric[axis];
+      contact_.stretch_m[axis] = m.contact.coupling_stretch_m[axis];
+    }
+    contact_.height_m = m.contact.height_m;
   }
   const ContactState<float>& step(const Vec3f& tip_m) {
     const ContactLaw<float> law{
@@ -56,6 +64,21 @@ class Reference {
     step_contact(surface_, contact_, law, previous_m_, tip_m - view_.origin_m);
     previous_m_ = tip_m - view_.origin_m;
     return contact_;
+  }
+  [[nodiscard]] const ContactState<float>& contact() const { return contact_; }
+  // How much the force can change per change of the tip, in a step that sticks or has no friction: the
+  // inverse of the point's compliance (Frobenius norm, not below the spectral one) and the target's
+  // extrapolation.
+  [[nodiscard]] float stiffness_N_m() {
+    const auto response = surface_.respond(contact_.triangle, contact_.barycentric);
+    float sum = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      Vec3f unit{}, column{};
+      unit[axis] = 1.0f;
+      EXPECT_TRUE(solve(response.compliance_m_N, unit, column));
+      sum += dot(column, column);
+    }
+    return std::sqrt(sum) * (1.0f + ModalSurface::kTargetExtrapolation);
   }
   // The model with the state and the contact that it has now.
   palpate_LocalModel_1_0 as_it_is(std::uint32_t sequence, std::uint32_t tick) const {

@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
+#include "firmware/core/renderer_test_support.hpp"
 #include "firmware/test_support.hpp"
 #include "palpate/ServoSample_1_0.h"
 #include "shared/device/actuation.hpp"
@@ -211,6 +214,103 @@ TEST_F(ServoTest, TheModelChoosesWhereTheTipIs) {
     EXPECT_LT(norm(tick().sample.tip_m - held_m), kStill_m);
   }
 }
+
+// A model takes over, and from its second tick on the tip is the estimated one or that of the counts, as it
+// asks for. Where that is another one than before, tip and force step.
+class TipSourceChange : public ServoTest, public ::testing::WithParamInterface<float> {
+ protected:
+  static constexpr std::uint8_t kCounts = palpate_LocalModel_1_0_TIP_COUNTS,
+                                kEstimated = palpate_LocalModel_1_0_TIP_ESTIMATED;
+  struct Taken {
+    ServoSample last, next;  // the model's first tick and its second
+    float stiffness_N_m;     // of the point in contact
+  };
+  void go(std::uint32_t count) {
+    for (std::uint32_t i = 0; i < count; ++i) {
+      // Down onto the body within the 60 ticks before the first model, and slowly around.
+      const float t = static_cast<float>(timing_.tick);
+      const float down = std::clamp((t - pressed_tick_) / 60.0f + 1.0f, 0.0f, 1.0f);
+      sensors_.count =
+          counts_at({0.004f * std::sin(0.005f * t), -0.014f * down + 0.0005f * std::sin(0.013f * t),
+                     0.003f * std::sin(0.007f * t)});
+      last_ = tick();
+    }
+  }
+  // Offers the model and goes on until it is used; the one that is returned has been stepped as it was.
+  std::unique_ptr<test::Reference> take_over(const palpate_LocalModel_1_0& message) {
+    ServoSample sample;
+    EXPECT_TRUE(servo_->sample(message.tick, sample));
+    auto follower = std::make_unique<test::Reference>(message, sample.tip_m);
+    ModelReport report;
+    EXPECT_EQ(renderer_->accept(test::HostPeer::payload(message), report), Status::ok);
+    for (int i = 0; i < 100 && renderer_->model_sequence() != message.sequence; ++i) {
+      (void)renderer_->catch_up(report);
+      go(1);
+    }
+    EXPECT_EQ(renderer_->model_sequence(), message.sequence);
+    for (std::uint32_t t = message.tick + 1; t != timing_.tick; ++t) {
+      EXPECT_TRUE(servo_->sample(t, sample));
+      (void)follower->step(sample.tip_m);
+    }
+    EXPECT_EQ(follower->contact().force_N, last_.sample.force_N);
+    return follower;
+  }
+  // Models with these sources, one after the other; the last one's first ticks.
+  Taken run(std::uint32_t start, const std::vector<std::uint8_t>& sources) {
+    timing_ = {};
+    sensors_ = {};
+    renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+    servo_ = std::make_unique<Servo>(kDevice, limits_, 1u, *renderer_, mailbox_);
+    pressed_tick_ = static_cast<float>(start);
+    go(start);
+    // The first one begins before the tip has touched, and replays that.
+    auto message = test::square_model(1, start - 80, {0.0f, 0.0f, -0.002f});
+    std::fill_n(message.static_friction.elements, message.static_friction.count, GetParam());
+    std::fill_n(message.kinetic_friction.elements, message.kinetic_friction.count, GetParam());
+    Taken taken{};
+    for (const std::uint8_t source : sources) {
+      message.tip_source = source;
+      const auto follower = take_over(message);
+      taken.last = last_.sample;
+      taken.stiffness_N_m = follower->stiffness_N_m();
+      go(1);
+      taken.next = last_.sample;
+      EXPECT_EQ(follower->step(taken.next.tip_m).force_N, taken.next.force_N);
+      message = follower->as_it_is(message.sequence + 1, timing_.tick - 1);
+    }
+    return taken;
+  }
+  // The last of two runs that differ in its source only.
+  void compare(std::uint32_t start, const std::vector<std::uint8_t>& before, std::uint8_t from,
+               std::uint8_t to) {
+    std::vector<std::uint8_t> stays = before, changes = before;
+    stays.push_back(from);
+    changes.push_back(to);
+    const Taken same = run(start, stays), other = run(start, changes);
+    ASSERT_NE(same.last.mode, ContactMode::free);
+    ASSERT_EQ(same.last.force_N, other.last.force_N);
+    const float step_m = norm(other.next.tip_m - same.next.tip_m);
+    const float step_N = norm(other.next.force_N - same.next.force_N);
+    constexpr float kFarthest_m = 3 * 2 * 0.03e-3f;  // two counts of each joint, 0.03 mm each
+    EXPECT_LE(step_m, kFarthest_m);
+    EXPECT_LE(step_N, same.stiffness_N_m * step_m + kForceRounding_N) << start;
+    largest_m_ = std::max(largest_m_, step_m);
+    largest_N_ = std::max(largest_N_, step_N);
+  }
+  float pressed_tick_ = 0, largest_m_ = 0, largest_N_ = 0;
+};
+
+TEST_P(TipSourceChange, StepsTheForceByWhatTheComplianceAllows) {
+  for (std::uint32_t start = 100; start < 500; start += 7) {
+    compare(start, {}, kCounts, kEstimated);
+    compare(start, {kCounts}, kCounts, kEstimated);
+    compare(start, {kEstimated}, kEstimated, kCounts);
+  }
+  // More than a count of one joint, and a force that is felt.
+  EXPECT_GT(largest_m_, 0.03e-3f);
+  EXPECT_GT(largest_N_, 0.1f);
+}
+INSTANTIATE_TEST_SUITE_P(Friction, TipSourceChange, ::testing::Values(0.0f, 100.0f));
 
 TEST_F(ServoTest, LimitedForceIsFlaggedAndRecordedBeforeLimits) {
   arm();  // soft start begins

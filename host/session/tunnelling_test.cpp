@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "host/linearize/patch_builder.hpp"
+#include "host/linearize/patch_selection.hpp"
 #include "host/msd/vectors.hpp"
 #include "host/session/model_message.hpp"
 #include "host/session/test_contact.hpp"
@@ -66,14 +68,23 @@ class FullBody {
   ContactLaw<double> law_;
 };
 
+std::vector<int> all_nodes(const Body& body) {
+  std::vector<int> all(static_cast<std::size_t>(body.node_count()));
+  for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
+  return all;
+}
+
 class BoardModel {
  public:
+  // Of the whole body.
   BoardModel(const Body& body, const BodyState& start, double radius_m)
+      : BoardModel(body, start, all_nodes(body), {0.0, 0.0, 0.0}, radius_m) {}
+  // Of some nodes around a place.
+  BoardModel(const Body& body, const BodyState& start, const std::vector<int>& nodes,
+             const Eigen::Vector3d& near_m, double radius_m)
       : law_{.tip_radius_m = static_cast<float>(radius_m)} {
-    std::vector<int> all(static_cast<std::size_t>(body.node_count()));
-    for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
     const LocalModel model = build_subset_model(
-        body, start, all, nearest_surface_point(body, start.position_m, {0.0, 0.0, 0.0}), kTick_s);
+        body, start, nodes, nearest_surface_point(body, start.position_m, near_m), kTick_s);
     const SurfaceFriction friction(body, {.elsewhere = {0.5, 0.4}, .regions = {}});
     palpate_LocalModel_1_0& m = *message_;
     pack_model(model, {1, 0, 200}, {.tip_radius_m = radius_m}, SurfaceKind::smooth, friction, {}, m);
@@ -88,11 +99,13 @@ class BoardModel {
     step_contact(surface_, contact_, law_, local(from_m), local(to_m));
     return contact_.mode != ContactMode::free;
   }
-  // Nodes keep their order: the model has them all.
+  // By the model's number; a model of all nodes keeps their order.
   [[nodiscard]] Vec3d position(std::uint32_t node) {
     const Vec3f x = surface_.position(node) + view_.origin_m;
     return {x.x, x.y, x.z};
   }
+  [[nodiscard]] const LocalModelView& view() const { return view_; }
+  [[nodiscard]] const ContactState<float>& contact() const { return contact_; }
   [[nodiscard]] ContactMode mode() const { return contact_.mode; }
   [[nodiscard]] Vec3d normal() const { return {contact_.normal.x, contact_.normal.y, contact_.normal.z}; }
 
@@ -269,6 +282,194 @@ TEST(Tunnelling, ATipThatLeavesTheFullBodyIsReleased) {
 }
 TEST(Tunnelling, ATipThatLeavesTheLocalModelIsReleased) {
   leave<BoardModel>(0.0, 300, 6);
+}
+
+// The board's usual model: the top of 4x4x2 nodes, open at its border. Looked at without the contact's code.
+class OpenPatch {
+ public:
+  static constexpr double kSpeed_m_s = 0.1;  // of the nodes, along each axis
+  OpenPatch(const Body& body, unsigned seed, double radius_m)
+      : OpenPatch(body, place(seed), seed, radius_m) {}
+
+  struct Triangle {
+    std::array<Vec3d, 3> x;
+    std::array<bool, 3> open;  // at the border, across the edge opposite to this corner
+  };
+  [[nodiscard]] std::vector<Triangle> triangles() {
+    const LocalModelView& view = board.view();
+    std::vector<Triangle> result(view.triangles);
+    for (std::size_t t = 0; t < view.triangles; ++t)
+      for (std::size_t c = 0; c < 3; ++c) {
+        result[t].x[c] = board.position(view.corner[3 * t + c]);
+        result[t].open[c] = open_[t][c];
+      }
+    return result;
+  }
+
+  BoardModel board;
+
+ private:
+  static Eigen::Vector3d place(unsigned seed) {
+    return {0.022 + 0.001 * (seed % 17), 0.022 + 0.001 * (seed % 13), 0.0};
+  }
+  OpenPatch(const Body& body, const Eigen::Vector3d& near_m, unsigned seed, double radius_m)
+      : OpenPatch(body, test::random_state(body, seed, 5e-4, kSpeed_m_s), near_m, radius_m) {}
+  OpenPatch(const Body& body, const BodyState& state, const Eigen::Vector3d& near_m, double radius_m)
+      : board(body, state,
+              select_patch(body, nearest_surface_point(body, state.position_m, near_m), PatchSize{}), near_m,
+              radius_m) {
+    const LocalModelView& view = board.view();
+    open_.assign(view.triangles, {true, true, true});
+    for (std::size_t t = 0; t < view.triangles; ++t)
+      for (std::size_t c = 0; c < 3; ++c)
+        for (std::size_t other = 0; other < view.triangles; ++other)
+          for (std::size_t k = 0; k < 3; ++k)
+            if (view.corner[3 * t + (c + 1) % 3] == view.corner[3 * other + (k + 1) % 3] &&
+                view.corner[3 * t + c] == view.corner[3 * other + (k + 2) % 3])
+              open_[t][(c + 2) % 3] = false;
+  }
+  std::vector<std::array<bool, 3>> open_;
+};
+
+struct Side {
+  double distance_m = 0;  // of the tip from the patch; negative behind it
+  bool inner = false;     // its closest point is not within kMargin_m of the border
+};
+
+constexpr double kMargin_m = 2e-4;
+
+Side side_of(const std::vector<OpenPatch::Triangle>& patch, const Vec3d& tip_m) {
+  double least_m = 1.0, square = 0.0;
+  Side side;
+  Vec3d foot_m{};
+  for (const auto& t : patch) {
+    const Vec3d place_m = closest_point(tip_m, t.x[0], t.x[1], t.x[2]).position;
+    const Vec3d offset_m = tip_m - place_m;
+    const double height_m = dot(offset_m, normalized(cross(t.x[1] - t.x[0], t.x[2] - t.x[0])));
+    // On an edge several are equally close: the one that the offset stands on most squarely decides.
+    const bool equal = norm(offset_m) <= least_m + 1e-9;
+    if (norm(offset_m) < least_m - 1e-9 || (equal && std::abs(height_m) > square)) {
+      square = std::abs(height_m);
+      side.distance_m = std::copysign(norm(offset_m), height_m);
+      foot_m = place_m;
+    }
+    least_m = std::min(least_m, norm(offset_m));
+  }
+  side.inner = true;
+  for (const auto& t : patch)
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!t.open[c]) continue;
+      const Vec3d& a = t.x[(c + 1) % 3];
+      const Vec3d& b = t.x[(c + 2) % 3];
+      if (norm(foot_m - closest_point(foot_m, a, b, b).position) < kMargin_m) side.inner = false;
+    }
+  return side;
+}
+
+// A board without a contact looks for one no further than this behind the patch: less than a tenth of its
+// diagonal (ModalSurface::bind). Deeper in, the host's next model brings the contact.
+constexpr double kLookedAt_m = 0.004;
+
+// At the patch from outside, onto it or over its border; the tip goes on inward. Once it is behind the
+// patch's inner part it is in contact, and stays: at once where it came from before that part, from the next
+// tick on where it came from beside.
+void shoot_at_patch(double radius_m, int shots, unsigned seed) {
+  const Body body = test::block(7);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0), both(-1.0, 1.0);
+  int met = 0, inward = 0, passed_beside = 0;
+  for (int i = 0; i < shots; ++i) {
+    OpenPatch patch(body, static_cast<unsigned>(i), radius_m);
+    const auto start = patch.triangles();
+    const auto& t = start[random() % start.size()];
+    Vec3d weight{uniform(random), uniform(random), uniform(random)};
+    if (i % 3 == 1) weight.x = 0.0;
+    weight = weight * (1.0 / (weight.x + weight.y + weight.z));
+    const Vec3d aim_m = t.x[0] * weight.x + t.x[1] * weight.y + t.x[2] * weight.z;
+    Vec3d direction{};
+    do {
+      direction = normalized(Vec3d{both(random), both(random), both(random)});
+    } while (direction.z > -0.1);
+    const Vec3d step_m = direction * (kSpeed_m_s * kTick_s);
+    Vec3d tip_m = aim_m - step_m * (1.0 + uniform(random));
+    if (side_of(start, tip_m).distance_m <= radius_m) continue;
+    bool touched = false, behind = false;
+    for (int tick = 0; tick < 8; ++tick) {
+      const Side before = side_of(patch.triangles(), tip_m);
+      const bool touches = patch.board.tick(tip_m, tip_m + step_m);
+      tip_m += step_m;
+      const Side after = side_of(patch.triangles(), tip_m);
+      ASSERT_TRUE(is_finite(patch.board.contact().force_N));
+      const bool is_behind = after.inner && after.distance_m < radius_m - kResolution_m;
+      const bool from_before = before.inner && before.distance_m > radius_m;
+      const bool from_beside = behind && before.distance_m > -kLookedAt_m;
+      if (is_behind && (touched || from_before || from_beside)) {
+        ASSERT_TRUE(touches) << "shot " << i << " tick " << tick << " depth " << after.distance_m;
+        ++inward;
+      }
+      passed_beside += is_behind && !touched && from_beside;
+      met += touches && !touched;
+      touched = touches;
+      behind = is_behind;
+    }
+  }
+  EXPECT_GT(met, shots / 2);
+  EXPECT_GT(inward, shots);
+  EXPECT_GT(passed_beside, 10);
+}
+
+TEST(Tunnelling, NoShotPassesThePatchOfABody) {
+  shoot_at_patch(0.0, 1000, 7);
+  shoot_at_patch(0.003, 300, 8);
+}
+
+// From behind the patch, as where a tip starts inside: out through it with no more force than the
+// pushing-out's, and met again when it comes back.
+TEST(Tunnelling, AShotFromBehindThePatchLeavesAndIsMetWhenItReturns) {
+  const Body body = test::block(7);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0), both(-1.0, 1.0);
+  constexpr int kShots = 500;
+  int left = 0, returned = 0;
+  for (int i = 0; i < kShots; ++i) {
+    OpenPatch patch(body, static_cast<unsigned>(i), 0.0);
+    const auto start = patch.triangles();
+    const auto& t = start[random() % start.size()];
+    const Vec3d aim_m = (t.x[0] + t.x[1] + t.x[2]) * (1.0 / 3.0);
+    // Steeper than any triangle of the patch leans and any node moves: it goes outward everywhere.
+    Vec3d direction{};
+    do {
+      direction = normalized(Vec3d{both(random), both(random), both(random)});
+    } while (direction.z < 0.5);
+    const Vec3d step_m = direction * (kSpeed_m_s * kTick_s);
+    Vec3d tip_m = aim_m - step_m * (0.2 + uniform(random));
+    const Side begin = side_of(start, tip_m);
+    if (!begin.inner || begin.distance_m > 0) continue;
+    bool out = false;
+    for (int tick = 0; tick < 4 && !out; ++tick) {
+      (void)patch.board.tick(tip_m, tip_m + step_m);
+      tip_m += step_m;
+      const ContactState<float>& contact = patch.board.contact();
+      EXPECT_LE(-dot(contact.normal, contact.force_N), static_cast<float>(kPushOut_N)) << i;
+      out = contact.mode == ContactMode::free && contact.outside;
+    }
+    const Side outside = side_of(patch.triangles(), tip_m);
+    if (!outside.inner) continue;
+    EXPECT_TRUE(out) << i << " " << outside.distance_m;
+    ++left;
+    bool touched = false;
+    for (int tick = 0; tick < 4 && !touched; ++tick) {
+      touched = patch.board.tick(tip_m, tip_m - step_m);
+      tip_m -= step_m;
+      const Side side = side_of(patch.triangles(), tip_m);
+      if (side.inner && side.distance_m < -kResolution_m) {
+        ASSERT_TRUE(touched) << i << " " << tick;
+      }
+    }
+    returned += touched;
+  }
+  EXPECT_GT(left, kShots / 3);
+  EXPECT_GT(returned, kShots / 3);
 }
 
 }  // namespace
