@@ -69,20 +69,11 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   return in;
 }
 
-// Tip between the counts: to first order in the at most 2 counts (0.3 mrad), which leaves out some 10 nm.
-Vec3f Servo::update_estimate(const ServoTiming& timing, const ServoSensors& sensors,
-                             const device::Pose& pose) {
-  Vec3f offset_rad{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const device::Joint& joint = device_.joint[i];
-    if (have_counts_) {
-      estimators_[i].update(static_cast<float>(difference(sensors.count[i], previous_count_[i])),
-                            static_cast<float>(timing.elapsed_ticks));
-    }
-    const float offset = estimators_[i].offset_count() / joint.counts_per_rad;
-    offset_rad[i] = joint.encoder_sign < 0 ? -offset : offset;
-  }
-  return pose.tip_m + pose.jacobian_m * offset_rad;
+void Servo::update_estimate(const ServoTiming& timing, const ServoSensors& sensors) {
+  if (!have_counts_) return;
+  for (std::size_t i = 0; i < 3; ++i)
+    estimators_[i].update(static_cast<float>(difference(sensors.count[i], previous_count_[i])),
+                          static_cast<float>(timing.elapsed_ticks));
 }
 
 ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
@@ -91,9 +82,11 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   const bool pose_known = (pose.faults & device::kInvalidAngle) == 0;
 
   ServoOutput output;
-  const Vec3f estimated_tip_m = update_estimate(timing, sensors, pose);
+  update_estimate(timing, sensors);
   // The renderer needs a tick number without gaps of its own making: where the tip is unknown it stays.
-  if (pose_known) rendered_tip_m_ = renderer_.estimates_tip() ? estimated_tip_m : pose.tip_m;
+  if (pose_known)
+    rendered_tip_m_ =
+        renderer_.estimates_tip() ? device::estimated_tip(device_, pose, estimators_) : pose.tip_m;
   output.sample = renderer_.isr_tick(timing.tick, rendered_tip_m_);
 
   SupervisorInputs in = gather(timing, sensors, pose, output.sample);

@@ -10,11 +10,11 @@
 #include <atomic>
 #include <cstdint>
 
-#include "firmware/core/count_estimator.hpp"
 #include "firmware/core/mailbox.hpp"
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/supervisor.hpp"
 #include "shared/device/arm.hpp"
+#include "shared/device/count_estimator.hpp"
 #include "shared/device/encoders.hpp"
 #include "shared/device/parameters.hpp"
 
@@ -73,7 +73,7 @@ class Servo {
  private:
   SupervisorInputs gather(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose,
                           const ServoSample& sample);
-  Vec3f update_estimate(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose);
+  void update_estimate(const ServoTiming& timing, const ServoSensors& sensors);
   void post(const ServoTiming& timing, const Decision& decision);
   void record_flags(const ServoTiming& timing, const Decision& decision);
 
@@ -88,7 +88,7 @@ class Servo {
   device::EncoderCounts reference_count_{};  // in the reference pose
   device::EncoderCounts previous_count_{};
   device::EncoderCounts rest_count_{};  // at the start of a calibration
-  CountEstimators estimators_{};
+  device::CountEstimators estimators_{};
   Vec3f tip_m_{};           // of the last tick whose pose was known
   Vec3f rendered_tip_m_{};  // likewise, as the renderer was told it
   bool have_counts_ = false;

@@ -86,16 +86,20 @@ Crossing<Real> first_crossing(Surface& surface, const TipMotion<Real>& motion) {
   return first;
 }
 
-// Could the tip have passed the surface on its way? Not if it has ended outside, further away than it has
-// come.
+// Could the tip have passed the surface on its way to a place outside? Where it passes a triangle the two are
+// in one place; from there on the tip goes no further than in the whole step, and no point of the triangle
+// further than its corners: the tip ends no further from the triangle, nor from the closest one, than the sum.
 template <class Surface, class Real>
 bool could_have_crossed(Surface& surface, const TipMotion<Real>& motion, const SurfacePoint<Real>& end) {
-  const auto before = corners_at(surface, end.triangle, Real(0)),
-             after = corners_at(surface, end.triangle, Real(1));
-  Real moved = 0;
-  for (std::size_t c = 0; c < 3; ++c) moved = std::max(moved, norm(after[c] - before[c]));
-  // Twice: other triangles may move more.
-  return end.distance_m <= norm(motion.to_m - motion.from_m) + Real(2) * moved;
+  const Real left_m = end.distance_m - norm(motion.to_m - motion.from_m);
+  if (left_m <= 0) return true;
+  const std::uint32_t count = surface.triangle_count();
+  for (std::uint32_t t = 0; t < count; ++t)
+    for (const std::uint32_t node : surface.corners(t)) {
+      const Vec3<Real> moved = surface.position(node) - surface.position_before(node);
+      if (dot(moved, moved) >= left_m * left_m) return true;
+    }
+  return false;
 }
 
 // Looks for the tip's meeting with the surface in the step just taken. A tip that has just left a smooth

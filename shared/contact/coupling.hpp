@@ -26,7 +26,7 @@ struct Coupling {
 // Where the device's tip is taken to be: values travel over the link (palpate.LocalModel TIP_*).
 enum class TipSource : std::uint8_t {
   counts = 0,    // where the encoder counts say
-  estimated = 1  // estimated between them (firmware/core/count_estimator.hpp)
+  estimated = 1  // estimated between them (shared/device/count_estimator.hpp)
 };
 
 // The coupling over one step.

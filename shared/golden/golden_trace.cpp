@@ -1,11 +1,13 @@
 #include "shared/golden/golden_trace.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
 #include "shared/contact/contact.hpp"
 #include "shared/device/actuation.hpp"
 #include "shared/device/arm.hpp"
+#include "shared/device/count_estimator.hpp"
 #include "shared/device/encoders.hpp"
 #include "shared/math/lcg.hpp"
 #include "shared/math/trig.hpp"
@@ -45,6 +47,39 @@ constexpr Movement kMovements[] = {
     {100, {0.016f, 0.015f, -0.0005f}, 0.0f, kMiddle, kBall},
 };
 
+// A way of touching, and a movement of the arm's joints in straight lines with a small circle on top. All of
+// the ways go through all of the movements; the tip is inside the body at first.
+struct Touch {
+  SurfaceKind surface;
+  Friction<float> friction;
+  ContactLaw<float> law;
+};
+constexpr Touch kTouches[] = {
+    {SurfaceKind::flat, kUsual, kPoint},
+    {SurfaceKind::flat, kMiddle, {0.0f, {800.0f, 1.0f}}},
+    {SurfaceKind::smooth, kUsual, {0.0f, {2000.0f, 1.0f}}},
+    {SurfaceKind::flat, kSlippery, {0.003f, {500.0f, 0.5f}}},
+};
+struct JointMovement {
+  std::uint32_t ticks;
+  Vec3f to_rad;
+};
+constexpr Vec3f kFirst_rad{-0.03f, -0.028f, -0.02f};
+constexpr JointMovement kJointMovements[] = {
+    {150, kFirst_rad},                 // held inside
+    {100, {-0.03f, -0.033f, -0.02f}},  // pushed further in
+    {300, {-0.03f, 0.005f, -0.02f}},   // led out
+    {200, {-0.03f, -0.022f, -0.02f}},  // touches from outside
+    {600, {0.04f, -0.022f, 0.03f}},    // dragged over the diagonal
+    {300, {0.04f, -0.024f, -0.05f}},
+    {300, {0.09f, -0.024f, -0.05f}},  // over the border
+    {200, {0.04f, -0.022f, 0.0f}},    // and back
+    {150, {0.04f, 0.01f, 0.0f}},      // lifted off
+};
+constexpr float kTremor_rad = 0.0004f;
+// Where the patch lies: its corner, in the device frame.
+constexpr Vec3f kPatch_m{-0.015f, -0.015f, -0.003f};
+
 void count(Counters& counters, const ContactState<float>& before, const ContactState<float>& after) {
   const bool was_free = before.mode == ContactMode::free, is_free = after.mode == ContactMode::free;
   counters.free_ticks += is_free;
@@ -56,6 +91,8 @@ void count(Counters& counters, const ContactState<float>& before, const ContactS
   counters.slip_to_stick += before.mode == ContactMode::slip && after.mode == ContactMode::stick;
   counters.edge_crossings += !was_free && !is_free && before.triangle != after.triangle;
   counters.border_ticks += !is_free && after.at_border;
+  counters.inset_ticks += after.inset_m > 0.0f;
+  counters.stretched_ticks += !(after.stretch_m == Vec3f{});
   const float force_N = norm(after.force_N);
   if (force_N > counters.largest_force_N) counters.largest_force_N = force_N;
 }
@@ -227,13 +264,68 @@ void GoldenTrace::run_model(Result& result) {
     }
     start_m = movement.to_m;
   }
-  hash.add(surface_.work());
+  result.work += surface_.work();
   result.model_hash = hash.value();
+}
+
+void GoldenTrace::run_felt(Result& result) {
+  const device::Parameters& arm = device::kPremium15;
+  Fnv1a hash;
+  for (const Touch& touch : kTouches) {
+    build_model();
+    view_.surface = touch.surface;
+    friction_ = touch.friction;
+    surface_.bind(view_, state_);
+    ContactState<float> contact{};
+    device::CountEstimators estimators{};
+    device::EncoderCounts counts{};
+    for (std::size_t j = 0; j < 3; ++j) counts[j] = device::encoder_count(arm.joint[j], kFirst_rad[j]);
+    Vec3f start_rad = kFirst_rad,
+          tip_m = device::forward_kinematics(arm, device::joint_angles(arm, counts, {})) - kPatch_m;
+    for (const JointMovement& movement : kJointMovements) {
+      for (std::uint32_t i = 1; i <= movement.ticks; ++i) {
+        const float fraction = static_cast<float>(i) / static_cast<float>(movement.ticks);
+        const SinCos turn = sin_cos(kCircle_rad_per_tick * static_cast<float>(i % 125));
+        const Vec3f joint_rad = start_rad + (movement.to_rad - start_rad) * fraction +
+                                Vec3f{turn.sine, 0.0f, 1.0f - turn.cosine} * kTremor_rad;
+        for (std::size_t j = 0; j < 3; ++j) {
+          const std::int32_t now = device::encoder_count(arm.joint[j], joint_rad[j]);
+          estimators[j].update(static_cast<float>(now - counts[j]), 1.0f);
+          counts[j] = now;
+        }
+        const device::Pose pose = device::evaluate(arm, device::joint_angles(arm, counts, {}));
+        const Vec3f estimated_m = device::estimated_tip(arm, pose, estimators);
+        result.farthest_estimate_m = std::max(result.farthest_estimate_m, norm(estimated_m - pose.tip_m));
+        const Vec3f next_m = estimated_m - kPatch_m;
+        const ContactState<float> before = contact;
+        step_contact(surface_, contact, touch.law, tip_m, next_m);
+        tip_m = next_m;
+        count(result.felt, before, contact);
+
+        hash.add(next_m);
+        hash.add(static_cast<std::uint32_t>(contact.mode));
+        hash.add(contact.force_N);
+        hash.add(contact.normal);
+        hash.add(contact.height_m);
+        hash.add(std::uint32_t{contact.at_border} | std::uint32_t{contact.outside} << 1);
+        if (contact.mode == ContactMode::free) continue;
+        hash.add(contact.triangle);
+        hash.add(contact.barycentric);
+        hash.add(contact.stretch_m);
+        hash.add(contact.inset_m);
+        hash.add(contact.overhang_m);
+      }
+      start_rad = movement.to_rad;
+    }
+    result.work += surface_.work();
+  }
+  result.felt_hash = hash.value();
 }
 
 Result GoldenTrace::run() {
   Result result{};
   run_model(result);
+  run_felt(result);
   run_device(result);
   run_math(result);
   return result;

@@ -1,6 +1,6 @@
 // One fixed run of everything in shared/ whose bits must be equal on every machine: local model, contact,
-// kinematics, statics, encoders, sine and cosine. Its hash is compared between x86-64 (-O0 and -O2) and the
-// microcontroller (hil_tests/test_golden.py).
+// kinematics, statics, encoders, the tip between their counts, sine and cosine. Its hashes are compared
+// between x86-64 (-O0 and -O2) and the microcontroller (hil_tests/test_golden.py).
 #pragma once
 
 #include <array>
@@ -35,6 +35,8 @@ struct Counters {
   std::uint32_t stick_to_slip = 0, slip_to_stick = 0;
   std::uint32_t edge_crossings = 0;    // slip onto another triangle
   std::uint32_t border_ticks = 0;      // contact held at the border of the patch
+  std::uint32_t inset_ticks = 0;       // something left of a start inside
+  std::uint32_t stretched_ticks = 0;   // of the coupling
   std::uint32_t limited_currents = 0;  // set-points scaled to the peak current
   std::uint32_t pose_faults = 0;       // poses outside the workspace
   float largest_force_N = 0.0f;
@@ -42,9 +44,13 @@ struct Counters {
 
 struct Result {
   std::uint64_t model_hash = 0;   // model and contact
+  std::uint64_t felt_hash = 0;    // the same as an arm feels it: estimated tip, couplings, flat triangles
   std::uint64_t device_hash = 0;  // kinematics, statics, encoders
   std::uint64_t math_hash = 0;    // sine and cosine
-  Counters counters{};
+  std::uint32_t work = 0;         // of the first two (ModalSurface::work): what the board plans with
+  Counters counters{};            // of the model
+  Counters felt{};
+  float farthest_estimate_m = 0.0f;  // of the tip from that of the counts
 };
 
 // A patch of 4x4 masses with a mode for each of their 48 degrees of freedom. Too large for a
@@ -62,6 +68,7 @@ class GoldenTrace {
 
   void build_model();
   void run_model(Result& result);
+  void run_felt(Result& result);
 
   std::array<float, 3 * kNodes> position_m_{};
   std::array<std::uint8_t, 3 * kTriangles> corner_{};

@@ -35,11 +35,35 @@ TEST(GoldenTrace, GoesThroughEverythingThatContactCanDo) {
   EXPECT_LT(counters.largest_force_N, 20.0f);
 }
 
+TEST(GoldenTrace, IsFeltInEveryWay) {
+  const auto trace = std::make_unique<GoldenTrace>();
+  const Result result = trace->run();
+  const Counters& felt = result.felt;
+  EXPECT_GE(felt.free_ticks, 800u);
+  EXPECT_GE(felt.stick_ticks, 800u);
+  EXPECT_GE(felt.slip_ticks, 3000u);
+  EXPECT_GE(felt.touches, 8u);  // each way from inside and from outside
+  EXPECT_GE(felt.separations, 8u);
+  EXPECT_GE(felt.stick_to_slip, 10u);
+  EXPECT_GE(felt.slip_to_stick, 10u);
+  EXPECT_GE(felt.edge_crossings, 40u);
+  EXPECT_GE(felt.border_ticks, 200u);
+  EXPECT_GE(felt.inset_ticks, 600u);  // 150 in each way
+  EXPECT_GE(felt.stretched_ticks, 3000u);
+  EXPECT_GT(felt.largest_force_N, 0.1f);
+  EXPECT_LT(felt.largest_force_N, 20.0f);
+  // More than a count, less than the two of each joint that the estimate may be away.
+  EXPECT_GT(result.farthest_estimate_m, 0.03e-3f);
+  EXPECT_LT(result.farthest_estimate_m, 3 * 2 * 0.03e-3f);
+}
+
 TEST(GoldenTrace, RunsTheSameEachTime) {
   const auto trace = std::make_unique<GoldenTrace>(), other = std::make_unique<GoldenTrace>();
   const Result first = trace->run(), second = trace->run(), third = other->run();
   for (const Result& again : {second, third}) {
     EXPECT_EQ(again.model_hash, first.model_hash);
+    EXPECT_EQ(again.felt_hash, first.felt_hash);
+    EXPECT_EQ(again.work, first.work);
     EXPECT_EQ(again.device_hash, first.device_hash);
     EXPECT_EQ(again.math_hash, first.math_hash);
   }

@@ -1,5 +1,6 @@
-// Prints the hashes of the golden trace, a line each: name, space, 16 hexadecimal digits.
+// Prints the hashes of the golden trace and its work, a line each: name, space, 16 hexadecimal digits.
 #include <cinttypes>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 
@@ -8,7 +9,13 @@
 int main() {
   const auto trace = std::make_unique<palpate::golden::GoldenTrace>();
   const palpate::golden::Result result = trace->run();
-  std::printf("model %016" PRIx64 "\ndevice %016" PRIx64 "\nmath %016" PRIx64 "\n", result.model_hash,
-              result.device_hash, result.math_hash);
+  const auto print_line = [](const char* name, std::uint64_t value) {
+    std::printf("%s %016" PRIx64 "\n", name, value);
+  };
+  print_line("model", result.model_hash);
+  print_line("felt", result.felt_hash);
+  print_line("device", result.device_hash);
+  print_line("math", result.math_hash);
+  print_line("work", result.work);
   return 0;
 }

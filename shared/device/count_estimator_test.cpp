@@ -1,4 +1,4 @@
-#include "firmware/core/count_estimator.hpp"
+#include "shared/device/count_estimator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-namespace palpate::firmware {
+namespace palpate::device {
 namespace {
 
 // The bounds that count_estimator.hpp derives.
@@ -153,4 +153,4 @@ TEST(CountEstimator, AnImpossibleStepStartsItAnew) {
 }
 
 }  // namespace
-}  // namespace palpate::firmware
+}  // namespace palpate::device

@@ -11,9 +11,14 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
-namespace palpate::firmware {
+#include "shared/device/arm.hpp"
+#include "shared/device/parameters.hpp"
+#include "shared/math/linear.hpp"
+
+namespace palpate::device {
 
 // Share of a miss that the velocity takes up at each count.
 inline constexpr float kVelocityGain = 0.5f;
@@ -79,4 +84,16 @@ class CountEstimator {
 
 using CountEstimators = std::array<CountEstimator, 3>;
 
-}  // namespace palpate::firmware
+// Tip between the counts, device frame; `pose` is that of the counts. To first order in the at most 2 counts
+// (0.3 mrad), which leaves out some 10 nm.
+[[nodiscard]] inline Vec3f estimated_tip(const Parameters& device, const Pose& pose,
+                                         const CountEstimators& estimators) {
+  Vec3f offset_rad{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const float offset = estimators[i].offset_count() / device.joint[i].counts_per_rad;
+    offset_rad[i] = device.joint[i].encoder_sign < 0 ? -offset : offset;
+  }
+  return pose.tip_m + pose.jacobian_m * offset_rad;
+}
+
+}  // namespace palpate::device
