@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <vector>
 
 #include "host/msd/energy.hpp"
@@ -27,6 +29,8 @@ std::vector<Body> bodies() {
     all.push_back(make_lattice(spec));
   }
   all.push_back(make_lattice(test::planar_spec(9, 0.3)));
+  all.push_back(make_lattice(test::layered_spec(test::reference_spec(7))));
+  all.push_back(make_lattice(test::layered_spec(test::planar_spec(9))));
   all.push_back(make_lattice(test::reference_spec(2)));
   all.push_back(test::irregular_body());
   return all;
@@ -50,9 +54,9 @@ TEST(Forces, EqualTheSumOfSingleSprings) {
 
 TEST(Forces, AreMinusTheGradientOfTheEnergyWithoutDamping) {
   constexpr double kStep_m = 1e-6;
-  // Central differences: rounding 1e-16 J / 1e-6 m x energies of some 0.1 J, truncation kStep^2 k / rest
-  // length^2.
-  constexpr double kTolerance_N = 2e-8;
+  // Central differences: rounding of energies of up to 1 J, summed over up to 3,000 springs, 1e-14 J / 1e-6
+  // m; truncation kStep^2 k / rest length^2.
+  constexpr double kTolerance_N = 1e-7;
   for (const Body& body : bodies()) {
     BodyState state = test::random_state(body, 2, 0.003, 0.0);
     const Eigen::Matrix3Xd force_N = forces_of(body, state);
@@ -131,6 +135,31 @@ TEST(SpringLayout, PutsALatticeIntoBands) {
   const SpringLayout layout = make_spring_layout(make_lattice(test::reference_spec(12)));
   EXPECT_EQ(layout.bands.size(), 13U);
   EXPECT_TRUE(layout.loose.empty());
+}
+
+// 13 directions in the body, 4 in the plane of the skin, 13 in the core: each a band where it is long enough.
+TEST(SpringLayout, BandsHoldOneMaterialEach) {
+  const Body body = make_lattice(test::layered_spec(test::reference_spec(12)));
+  const SpringLayout layout = make_spring_layout(body);
+  std::map<double, std::size_t> bands;
+  for (const SpringBand& band : layout.bands) ++bands[band.constants.stiffness_N_m];
+  EXPECT_EQ(bands[7.0], 13U);
+  EXPECT_GE(bands.size(), 2U);
+  for (const SpringBand& band : layout.bands)
+    for (std::size_t place = 0; place < band.present.size(); ++place) {
+      if (band.present[place] == 0.0) continue;
+      const int i = static_cast<int>(band.first) + static_cast<int>(place);
+      const int j = i + static_cast<int>(band.offset);
+      const auto springs = body.springs_of(i);
+      EXPECT_EQ(std::count_if(springs.begin(), springs.end(),
+                              [&](int s) {
+                                const Spring& spring = body.springs()[static_cast<std::size_t>(s)];
+                                return spring.i + spring.j == i + j &&
+                                       spring.stiffness_N_m == band.constants.stiffness_N_m &&
+                                       spring.damping_N_s_m == band.constants.damping_N_s_m;
+                              }),
+                1);
+    }
 }
 
 TEST(SpringLayout, ParallelSpringsKeepTheirStrength) {

@@ -17,6 +17,7 @@ std::vector<Body> bodies() {
   std::vector<Body> all;
   all.push_back(make_lattice(test::reference_spec(4, 0.8)));
   all.push_back(make_lattice(test::planar_spec(6, 0.8)));
+  all.push_back(make_lattice(test::layered_spec(test::reference_spec(6))));
   all.push_back(test::irregular_body());
   return all;
 }

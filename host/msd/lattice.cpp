@@ -24,8 +24,22 @@ template <class Value>
   throw std::invalid_argument(message.str());
 }
 
-void require_positive(const char* field, double value) {
+void require_positive(const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value)) refuse(field, value, "positive and finite");
+}
+
+// Of the lattice (prefix "") or of a region.
+void validate_material(const std::string& prefix, double mass_kg, double stiffness_N_m,
+                       double damping_N_s_m) {
+  require_positive(prefix + "mass_kg", mass_kg);
+  require_positive(prefix + "stiffness_N_m", stiffness_N_m);
+  if (!(damping_N_s_m >= 0) || !std::isfinite(damping_N_s_m))
+    refuse(prefix + "damping_N_s_m", damping_N_s_m, "zero or positive, finite");
+}
+
+void validate_index(const std::string& field, std::size_t axis, int index, int low, int high) {
+  if (index < low || index > high)
+    refuse(field + " " + "xyz"[axis] + " index", index, std::to_string(low) + " to " + std::to_string(high));
 }
 
 void validate(const LatticeSpec& spec) {
@@ -42,10 +56,7 @@ void validate(const LatticeSpec& spec) {
              std::to_string(kMinLatticeNodes) + " to " + std::to_string(kMaxLatticeNodes));
   }
   require_positive("spacing_m", spec.spacing_m);
-  require_positive("mass_kg", spec.mass_kg);
-  require_positive("stiffness_N_m", spec.stiffness_N_m);
-  if (!(spec.damping_N_s_m >= 0) || !std::isfinite(spec.damping_N_s_m))
-    refuse("damping_N_s_m", spec.damping_N_s_m, "zero or positive, finite");
+  validate_material("", spec.mass_kg, spec.stiffness_N_m, spec.damping_N_s_m);
   if (!is_finite(spec.origin_m)) throw std::invalid_argument("origin_m is not finite");
   if (!is_finite(spec.gravity_m_s2)) throw std::invalid_argument("gravity_m_s2 is not finite");
   if (spec.dimension == 2 && spec.gravity_m_s2.y != 0)
@@ -55,9 +66,17 @@ void validate(const LatticeSpec& spec) {
       refuse("fixed_faces", face == Face::y_minus ? "y-" : "y+", "x-, x+, z-, z+ in a 2D lattice");
   for (const auto& node : spec.fixed_nodes)
     for (std::size_t axis = 0; axis < 3; ++axis)
-      if (node[axis] < 0 || node[axis] >= spec.nodes[axis])
-        refuse(std::string("fixed_nodes ") + "xyz"[axis] + " index", node[axis],
-               "0 to " + std::to_string(spec.nodes[axis] - 1));
+      validate_index("fixed_nodes", axis, node[axis], 0, spec.nodes[axis] - 1);
+  for (std::size_t r = 0; r < spec.regions.size(); ++r) {
+    const MaterialRegion& region = spec.regions[r];
+    const std::string name = "regions[" + std::to_string(r) + "].";
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      validate_index(name + "from_node", axis, region.from_node[axis], 0, spec.nodes[axis] - 1);
+      validate_index(name + "to_node", axis, region.to_node[axis], region.from_node[axis],
+                     spec.nodes[axis] - 1);
+    }
+    validate_material(name, region.mass_kg, region.stiffness_N_m, region.damping_N_s_m);
+  }
 }
 
 // One offset of each pair of opposite ones: the one that leads to a higher node index.
@@ -87,6 +106,27 @@ std::vector<Spring> lattice_springs(const LatticeSpec& spec, const LatticeShape&
                              spec.damping_N_s_m, rest_length_m});
   }
   return springs;
+}
+
+bool holds(const MaterialRegion& region, const std::array<int, 3>& node) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (node[axis] < region.from_node[axis] || node[axis] > region.to_node[axis]) return false;
+  return true;
+}
+
+// In the order of the regions, so that the last one stays.
+void apply_regions(const std::vector<MaterialRegion>& regions, const LatticeShape& shape,
+                   BodyDescription& body) {
+  for (const MaterialRegion& region : regions) {
+    for (std::size_t node = 0; node < body.mass_kg.size(); ++node)
+      if (holds(region, shape.coordinates(static_cast<int>(node)))) body.mass_kg[node] = region.mass_kg;
+    for (Spring& spring : body.springs) {
+      if (!holds(region, shape.coordinates(spring.i)) || !holds(region, shape.coordinates(spring.j)))
+        continue;
+      spring.stiffness_N_m = region.stiffness_N_m;
+      spring.damping_N_s_m = region.damping_N_s_m;
+    }
+  }
 }
 
 bool is_fixed(const LatticeSpec& spec, const std::array<int, 3>& node) {
@@ -132,6 +172,7 @@ Body make_lattice(const LatticeSpec& spec) {
     throw std::invalid_argument("fixed_faces and fixed_nodes fix all " + std::to_string(count) +
                                 " nodes, allowed: at least one free node");
   body.springs = lattice_springs(spec, shape);
+  apply_regions(spec.regions, shape, body);
   if (!body.planar) body.triangles = lattice_triangles(shape);
   body.gravity_m_s2 = spec.gravity_m_s2;
   body.lattice = shape;

@@ -19,6 +19,17 @@ enum class Neighbours {
 // Outer faces of a lattice, by axis and side.
 enum class Face { x_minus = 0, x_plus, y_minus, y_plus, z_minus, z_plus };
 
+// A box of nodes, both corners included, of another material. A spring takes the stiffness and damping of the
+// last region that holds both its end nodes, and a node the mass of the last region that holds it; all others
+// take the lattice's own.
+struct MaterialRegion {
+  std::array<int, 3> from_node{};  // (i, j, k); j = 0 in 2D
+  std::array<int, 3> to_node{};    // no index less than that of from_node
+  double mass_kg = 0;              // all three have to be set
+  double stiffness_N_m = 0;
+  double damping_N_s_m = 0;
+};
+
 inline constexpr int kMinLatticeNodes = 2;
 inline constexpr int kMaxLatticeNodes = 200;
 
@@ -33,6 +44,7 @@ struct LatticeSpec {
   double stiffness_N_m = 100.0;          // of each spring
   double damping_N_s_m = 0.0;            // of each spring, along it; see damping_from_ratio
   Neighbours neighbours = Neighbours::full;
+  std::vector<MaterialRegion> regions;          // the later one counts where they overlap
   std::vector<Face> fixed_faces;                // no y faces in 2D
   std::vector<std::array<int, 3>> fixed_nodes;  // (i, j, k)
   Vec3d gravity_m_s2{};                         // y must be 0 in 2D

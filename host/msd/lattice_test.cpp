@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -85,6 +87,37 @@ TEST(Lattice, FixesTheFacesAndNodesNamed) {
   }
 }
 
+// Node masses and spring constants against the rule, read from the last region to the first.
+TEST(Lattice, TheLastRegionThatHoldsThemGivesNodesAndSpringsTheirMaterial) {
+  for (const LatticeSpec& plain : {reference_spec(6), planar_spec(7)}) {
+    const LatticeSpec spec = test::layered_spec(plain);
+    const auto inside = [](const MaterialRegion& region, const std::array<int, 3>& ijk) {
+      return ijk[0] >= region.from_node[0] && ijk[0] <= region.to_node[0] && ijk[1] >= region.from_node[1] &&
+             ijk[1] <= region.to_node[1] && ijk[2] >= region.from_node[2] && ijk[2] <= region.to_node[2];
+    };
+    const Body body = make_lattice(spec);
+    std::set<double> masses_kg, stiffnesses_N_m;
+    for (int node = 0; node < body.node_count(); ++node) {
+      const auto ijk = body.lattice()->coordinates(node);
+      const auto region = std::find_if(spec.regions.rbegin(), spec.regions.rend(),
+                                       [&](const auto& r) { return inside(r, ijk); });
+      EXPECT_EQ(body.mass_kg(node), region == spec.regions.rend() ? spec.mass_kg : region->mass_kg);
+      masses_kg.insert(body.mass_kg(node));
+    }
+    for (const Spring& spring : body.springs()) {
+      const auto i = body.lattice()->coordinates(spring.i), j = body.lattice()->coordinates(spring.j);
+      const auto region = std::find_if(spec.regions.rbegin(), spec.regions.rend(),
+                                       [&](const auto& r) { return inside(r, i) && inside(r, j); });
+      const bool plain_one = region == spec.regions.rend();
+      EXPECT_EQ(spring.stiffness_N_m, plain_one ? spec.stiffness_N_m : region->stiffness_N_m);
+      EXPECT_EQ(spring.damping_N_s_m, plain_one ? spec.damping_N_s_m : region->damping_N_s_m);
+      stiffnesses_N_m.insert(spring.stiffness_N_m);
+    }
+    EXPECT_EQ(masses_kg, (std::set<double>{0.0005, 0.001, 0.002, 0.01}));
+    EXPECT_EQ(stiffnesses_N_m, (std::set<double>{7.0, 100.0, 300.0}));  // one node holds no spring
+  }
+}
+
 TEST(Lattice, DampingRatioIsThePapers) {
   EXPECT_NEAR(damping_from_ratio(1.0, 0.001, 100.0), 0.44721359549995793, 1e-15);  // sqrt(0.2)
   EXPECT_THROW(damping_from_ratio(-1.0, 0.001, 100.0), std::invalid_argument);
@@ -122,6 +155,27 @@ TEST(Lattice, RefusalsNameFieldValueAndRange) {
   spec = reference_spec(4);
   spec.fixed_nodes = {{0, 4, 0}};
   EXPECT_EQ(refusal(spec), "fixed_nodes y index is 4, allowed: 0 to 3");
+  const MaterialRegion region{{0, 0, 0}, {3, 3, 1}, 0.001, 100.0, 0.0};
+  spec = reference_spec(4);
+  spec.regions = {region, region};
+  EXPECT_EQ(refusal(spec), "");
+  spec.regions[1].to_node = {3, 4, 1};
+  EXPECT_EQ(refusal(spec), "regions[1].to_node y index is 4, allowed: 0 to 3");
+  spec.regions[1] = region;
+  spec.regions[1].from_node[2] = 2;
+  EXPECT_EQ(refusal(spec), "regions[1].to_node z index is 1, allowed: 2 to 3");
+  spec.regions[1] = region;
+  spec.regions[1].from_node[0] = -1;
+  EXPECT_EQ(refusal(spec), "regions[1].from_node x index is -1, allowed: 0 to 3");
+  spec.regions = {region};
+  spec.regions[0].mass_kg = 0;
+  EXPECT_EQ(refusal(spec), "regions[0].mass_kg is 0, allowed: positive and finite");
+  spec.regions = {{}};
+  spec.regions[0].mass_kg = 0.001;
+  EXPECT_EQ(refusal(spec), "regions[0].stiffness_N_m is 0, allowed: positive and finite");
+  spec.regions = {region};
+  spec.regions[0].damping_N_s_m = -1;
+  EXPECT_EQ(refusal(spec), "regions[0].damping_N_s_m is -1, allowed: zero or positive, finite");
   spec = planar_spec(4);
   spec.fixed_faces = {Face::y_plus};
   EXPECT_NE(refusal(spec).find("fixed_faces is y+"), std::string::npos);

@@ -18,6 +18,7 @@ std::vector<Body> bodies() {
   std::vector<Body> all;
   all.push_back(make_lattice(solid));
   all.push_back(make_lattice(test::planar_spec(5, 0.8)));
+  all.push_back(make_lattice(test::layered_spec(test::reference_spec(5))));
   all.push_back(test::irregular_body());
   return all;
 }

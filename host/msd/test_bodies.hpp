@@ -1,6 +1,7 @@
 // Bodies and states that the tests of host/msd and host/linearize share.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -22,6 +23,16 @@ inline LatticeSpec planar_spec(int nodes_per_side, double damping_ratio = 1.0) {
   LatticeSpec spec = reference_spec(nodes_per_side, damping_ratio);
   spec.dimension = 2;
   spec.nodes[1] = 1;
+  return spec;
+}
+
+// A body of three materials: a skin on top, a core that overlaps it and a single heavy node in the core.
+// Bottom fixed; no y index beyond 0 in 2D.
+inline LatticeSpec layered_spec(LatticeSpec spec) {
+  const auto [nx, ny, nz] = spec.nodes;
+  spec.regions = {{{0, 0, nz - 1}, {nx - 1, ny - 1, nz - 1}, 0.002, 300.0, 1.5},
+                  {{1, ny / 3, 1}, {nx - 2, ny - 1, nz - 1}, 0.0005, 7.0, 0.0},
+                  {{nx / 2, ny / 2, 2}, {nx / 2, ny / 2, 2}, 0.01, 1.0, 1.0}};
   return spec;
 }
 

@@ -74,6 +74,12 @@ host::Body read_body(const nb::dict& scene) {
   spec.mass_kg = number(body, "mass_kg");
   spec.stiffness_N_m = number(body, "stiffness_N_m");
   spec.damping_N_s_m = number(body, "damping_N_s_m");
+  for (const nb::handle entry : nb::object(body["regions"])) {
+    const auto region = nb::cast<nb::dict>(entry);
+    spec.regions.push_back({nb::cast<std::array<int, 3>>(region["from_node"]),
+                            nb::cast<std::array<int, 3>>(region["to_node"]), number(region, "mass_kg"),
+                            number(region, "stiffness_N_m"), number(region, "damping_N_s_m")});
+  }
   using host::Face;
   using host::Neighbours;
   spec.neighbours = choice<Neighbours>(

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_checks import check_scene, friction, steps_per_tick
 from palpate.scene_overrides import Overrides, apply_overrides, format_override
 from palpate.scene_schema import Reader, SceneError, read_section
-from palpate.scene_sections import TICK_S, Body, Path, SceneFile
+from palpate.scene_sections import TICK_S, Path, SceneFile
 from palpate.tip_path import Interpolation, TipPath, read_csv
 
 __all__ = ["Scene", "SceneError", "load_scene"]
@@ -37,12 +38,9 @@ class Scene:
 
     @property
     def damping_N_s_m(self) -> float:
-        """Damping of each spring; the ratio is b / sqrt(2 m k) (Table 2 of Jacobs, Fu and Cavusoglu, 2010)."""
-        body = self.sections.body
-        if body.damping_N_s_m is not None:
-            return body.damping_N_s_m
-        ratio = 1.0 if body.damping_ratio is None else body.damping_ratio
-        return ratio * math.sqrt(2.0 * body.mass_kg * body.stiffness_N_m)
+        """Damping of each spring outside of regions; the ratio is b / sqrt(2 m k) (Table 2 of Jacobs, Fu and Cavusoglu,
+        2010)."""
+        return _material(self.sections.body, self.sections.body)["damping_N_s_m"]
 
     def with_board(self, name: str) -> "Scene":
         """The same scene on another board."""
@@ -64,7 +62,7 @@ class Scene:
         """
         values: dict[str, Any] = _with_lists(asdict(self.sections))
         values["duration_ticks"] = self.duration_ticks
-        values["body"] = _body_dict(self.sections.body, self.damping_N_s_m)
+        values["body"] = _body_dict(self.sections.body)
         contact = self.sections.contact
         for given, table in zip(
             (contact, *contact.regions), (values["contact"], *values["contact"]["regions"]), strict=True
@@ -99,7 +97,19 @@ def _with_lists(value: Any) -> Any:
     return [_with_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
-def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:
+def _material(body: Body, given: Body | MaterialRegion) -> dict[str, float]:
+    """Mass of the nodes, stiffness and damping of the springs, of the body itself or of one of its regions."""
+    mass_kg = body.mass_kg if given.mass_kg is None else given.mass_kg
+    stiffness_N_m = body.stiffness_N_m if given.stiffness_N_m is None else given.stiffness_N_m
+    declared = body if given.damping_ratio is None and given.damping_N_s_m is None else given
+    damping_N_s_m = declared.damping_N_s_m
+    if damping_N_s_m is None:
+        ratio = 1.0 if declared.damping_ratio is None else declared.damping_ratio
+        damping_N_s_m = ratio * math.sqrt(2.0 * mass_kg * stiffness_N_m)
+    return {"mass_kg": mass_kg, "stiffness_N_m": stiffness_N_m, "damping_N_s_m": damping_N_s_m}
+
+
+def _body_dict(body: Body) -> dict[str, Any]:
     def three(values: tuple[Any, ...], middle: Any) -> list[Any]:
         """[x, z] of a sheet as [x, middle, z]."""
         return list(values) if len(values) == 3 else [values[0], middle, values[1]]
@@ -109,13 +119,19 @@ def _body_dict(body: Body, damping_N_s_m: float) -> dict[str, Any]:
         "nodes": three(body.nodes, 1),
         "spacing_m": body.spacing_m,
         "origin_m": list(body.origin_m),
-        "mass_kg": body.mass_kg,
-        "stiffness_N_m": body.stiffness_N_m,
-        "damping_N_s_m": damping_N_s_m,
+        **_material(body, body),
         "neighbours": body.neighbours,
         "fixed_faces": list(body.fixed_faces),
         "fixed_nodes": [three(node, 0) for node in body.fixed_nodes],
         "gravity_m_s2": list(body.gravity_m_s2),
+        "regions": [
+            {
+                "from_node": three(region.from_node, 0),
+                "to_node": three(region.to_node, 0),
+                **_material(body, region),
+            }
+            for region in body.regions
+        ],
         "initial_nodes": [three(start.node, 0) for start in body.initial_displacements],
         "initial_displacements_m": [three(start.displacement_m, 0.0) for start in body.initial_displacements],
         "drives": [

@@ -1,14 +1,15 @@
-"""Checks that relate several keys of a scene to each other; those of one key alone are in `scene_sections`."""
+"""Checks that relate several keys of a scene to each other; those of one key alone are in `scene_sections` and
+`scene_body`."""
 
 import math
 from dataclasses import fields
 from itertools import product
 
+from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_schema import Reader, SceneError
 from palpate.scene_sections import (
     TICK_S,
     BitFlip,
-    Body,
     Contact,
     FrictionRegion,
     Hand,
@@ -73,11 +74,7 @@ def _check_body(reader: Reader, body: Body) -> None:
             list(body.nodes),
             f"{dimension} whole numbers in [2, 64] where body.dimension = {dimension}",
         )
-    if body.damping_ratio is not None and body.damping_N_s_m is not None:
-        raise reader.problem(
-            "body.damping_N_s_m",
-            f"given together with body.damping_ratio = {body.damping_ratio:g}; must be only one",
-        )
+    _check_damping(reader, "body", body)
     if dimension == 2 and body.gravity_m_s2[1] != 0.0:
         raise reader.error("body.gravity_m_s2", list(body.gravity_m_s2), "0 along y where body.dimension = 2")
     if dimension == 2:
@@ -112,7 +109,38 @@ def _check_body(reader: Reader, body: Body) -> None:
         if start.node in seen:
             raise reader.error(f"{where}.node", list(start.node), "a node that is not displaced already")
         seen.add(start.node)
+    for i, region in enumerate(body.regions):
+        _check_region(reader, f"body.regions[{i}]", region, body)
     _check_drives(reader, body, fixed)
+
+
+def _check_damping(reader: Reader, where: str, given: Body | MaterialRegion) -> None:
+    if given.damping_ratio is not None and given.damping_N_s_m is not None:
+        raise reader.problem(
+            f"{where}.damping_N_s_m",
+            f"given together with {where}.damping_ratio = {given.damping_ratio:g}; must be only one",
+        )
+
+
+def _check_region(reader: Reader, where: str, region: MaterialRegion, body: Body) -> None:
+    _check_node(reader, f"{where}.from_node", region.from_node, body)
+    _check_node(reader, f"{where}.to_node", region.to_node, body)
+    axes = "xyz" if body.dimension == 3 else "xz"
+    for axis, low, high in zip(axes, region.from_node, region.to_node, strict=True):
+        if low > high:
+            raise reader.error(
+                f"{where}.to_node",
+                list(region.to_node),
+                f"at least {where}.from_node in each index; {axis} is less",
+            )
+    _check_damping(reader, where, region)
+    if region.from_node == region.to_node:
+        for name in ("stiffness_N_m", "damping_ratio", "damping_N_s_m"):
+            if getattr(region, name) is not None:
+                raise reader.problem(
+                    f"{where}.{name}",
+                    "given for a region of one node, which holds no spring; must be left out",
+                )
 
 
 def _check_drives(reader: Reader, body: Body, fixed: set[tuple[int, ...]]) -> None:

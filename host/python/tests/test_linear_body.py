@@ -1,4 +1,4 @@
-"""`_core.linear_body`: the linear system of a scene's body, against its assembly spring by spring and the paper's sizes."""
+"""`_core.linear_body`: a body's linear system against its assembly spring by spring, and the paper's sizes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import ROOT
 from numpy.typing import NDArray
 from scipy import sparse
 
@@ -95,6 +96,39 @@ def test_degrees_of_freedom_are_those_of_the_free_nodes(linear_body: Bodies) -> 
     assert body["triangles"].shape == (2 * 2 * (3 * 2 + 3 * 4 + 2 * 4), 3)
 
 
+LAYERS = """
+[[body.regions]]
+from_node = [0, 0, 4]
+to_node = [3, 2, 4]
+stiffness_N_m = 30000.0
+mass_kg = 0.003
+[[body.regions]]
+from_node = [1, 0, 1]
+to_node = [2, 1, 4]
+stiffness_N_m = 10.0
+damping_ratio = 0.5
+"""
+
+
+def test_regions_have_their_own_material(linear_body: Bodies) -> None:
+    body = linear_body(BLOCK + LAYERS)
+    for name, constant in (("stiffness", "spring_stiffness_N_m"), ("damping", "spring_damping_N_s_m")):
+        given, expected = matrix(body, name), assembled(body, constant)
+        np.testing.assert_array_equal(given, given.T)
+        np.testing.assert_allclose(given, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
+    i, j, k = np.unravel_index(np.arange(60), (4, 3, 5), order="F")
+    top, core = k == 4, (i >= 1) & (i <= 2) & (j <= 1) & (k >= 1)
+    np.testing.assert_array_equal(body["node_mass_kg"], np.where(top & ~core, 0.003, 0.002))
+    np.testing.assert_array_equal(body["mass_kg"], body["node_mass_kg"][body["node"]])
+    in_top, in_core = (np.all(part[body["springs"]], axis=1) for part in (top, core))
+    np.testing.assert_array_equal(
+        body["spring_stiffness_N_m"], np.where(in_core, 10.0, np.where(in_top, 30000.0, 300.0))
+    )
+    # the body has no ratio: what gives none itself has the body's damping
+    core_N_s_m = 0.5 * np.sqrt(2 * 0.002 * 10.0)
+    np.testing.assert_allclose(body["spring_damping_N_s_m"], np.where(in_core, core_N_s_m, 0.2), rtol=1e-15)
+
+
 def test_a_sheet_moves_in_its_plane(linear_body: Bodies) -> None:
     body = linear_body(SHEET)
     assert body["nodes"].tolist() == [4, 1, 3]
@@ -139,3 +173,24 @@ def test_blocks_have_the_papers_states(linear_body: Bodies, n: int, states: int)
     """Table 1, with two adjacent faces fixed: the contact node's three degrees of freedom are the input."""
     body = linear_body(f'nodes = [{n}, {n}, {n}]\nfixed_faces = ["z-", "x-"]')
     assert 2 * (len(body["mass_kg"]) - 3) == states
+
+
+@pytest.mark.parametrize(
+    ("name", "springs"),
+    [
+        ("homogeneous", {100.0: 18788}),
+        # two directions of 11 x 12 and two of 11 x 11 springs in the top layer
+        ("stiff_skin", {100.0: 18788 - 506, 10000.0: 506}),
+        # a core of 8 x 8 x 8 nodes: 3 directions of 7 x 8 x 8, 6 of 7 x 7 x 8 and 4 of 7 x 7 x 7
+        ("soft_core", {100.0: 18788 - 5068, 100.0 / 30.0: 5068}),
+    ],
+)
+def test_bodies_of_the_reduction_study(name: str, springs: dict[float, int]) -> None:
+    body = _core.linear_body(load_scene(ROOT / f"scenes/reduce/{name}.toml").to_dict())
+    values, counts = np.unique(body["spring_stiffness_N_m"], return_counts=True)
+    assert dict(zip(values.tolist(), counts.tolist(), strict=True)) == springs
+    assert len(body["mass_kg"]) == 3 * 12 * 11 * 11
+    np.testing.assert_allclose(
+        body["spring_damping_N_s_m"], np.sqrt(2 * 0.001 * body["spring_stiffness_N_m"]), rtol=1e-15
+    )
+    np.linalg.cholesky(matrix(body, "stiffness"))  # raises where the body is not held in every way

@@ -64,6 +64,12 @@ def drives(node: tuple[int, ...], start_s: float, reach_s: float, release_s: flo
     )
 
 
+def region(lines: str) -> str:
+    """The good scene with a good region and one of these lines."""
+    plain = "[[body.regions]]\nfrom_node = [0, 0, 0]\nto_node = [3, 4, 5]\n"
+    return f"{GOOD}{plain}[[body.regions]]\n{lines}\n"
+
+
 def body(line: str) -> str:
     """The good scene with one more line in [body]."""
     return GOOD.replace("[contact]", f"{line}\n[contact]")
@@ -88,11 +94,50 @@ def test_defaults_of_a_small_scene(load: Load) -> None:
     np.testing.assert_array_equal(given["path"]["position_m"], [[0, 0, 0], [0, 0.01, -0.03]])
 
 
+def test_a_region_takes_from_the_body_what_it_leaves_out(load: Load) -> None:
+    regions = """
+[[body.regions]]
+from_node = [0, 0, 5]
+to_node = [3, 4, 5]
+stiffness_N_m = 10000.0
+[[body.regions]]
+from_node = [1, 1, 1]
+to_node = [1, 1, 1]
+mass_kg = 0.004
+[[body.regions]]
+from_node = [1, 1, 1]
+to_node = [2, 2, 3]
+damping_N_s_m = 0.3
+[[body.regions]]
+from_node = [1, 1, 1]
+to_node = [2, 2, 3]
+mass_kg = 0.002
+damping_ratio = 0.1
+"""
+    ratio = load(GOOD + regions).to_dict()["body"]["regions"]
+    assert ratio[0] == {
+        "from_node": [0, 0, 5],
+        "to_node": [3, 4, 5],
+        "mass_kg": 0.001,
+        "stiffness_N_m": 10000.0,
+        "damping_N_s_m": pytest.approx(math.sqrt(2 * 0.001 * 10000.0), rel=1e-15),
+    }
+    assert (ratio[1]["mass_kg"], ratio[1]["stiffness_N_m"]) == (0.004, 100.0)
+    assert ratio[2]["damping_N_s_m"] == 0.3
+    assert ratio[3]["damping_N_s_m"] == pytest.approx(0.1 * math.sqrt(2 * 0.002 * 100.0), rel=1e-15)
+    given = load(body("damping_N_s_m = 0.2") + regions).to_dict()["body"]["regions"]
+    assert [region["damping_N_s_m"] for region in given[:3]] == [0.2, 0.2, 0.3]
+    assert given[3]["damping_N_s_m"] == ratio[3]["damping_N_s_m"]
+
+
 def test_a_sheet_gets_its_third_axis(load: Load) -> None:
     given = load(
         SHEET
         + "fixed_nodes = [[1, 2]]\ninitial_displacements = [{ node = [3, 4], displacement_m = [0.1, 0.2] }]\n"
+        "regions = [{ from_node = [0, 1], to_node = [3, 4] }]\n"
     ).to_dict()["body"]
+    assert given["regions"][0]["from_node"] == [0, 0, 1]
+    assert given["regions"][0]["to_node"] == [3, 0, 4]
     assert given["nodes"] == [4, 1, 6]
     assert given["fixed_nodes"] == [[1, 0, 2]]
     assert given["initial_nodes"] == [[3, 0, 4]]
@@ -105,7 +150,7 @@ def holds_tuples(value: object) -> bool:
     return isinstance(value, tuple) or (isinstance(value, list) and any(map(holds_tuples, value)))
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "scenes").glob("*.toml")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", sorted((ROOT / "scenes").rglob("*.toml")), ids=lambda file: file.stem)
 def test_the_core_gets_lists(file: Path) -> None:
     assert not holds_tuples(load_scene(file).to_dict())
 
@@ -120,7 +165,7 @@ def test_friction_and_damping_can_be_given_apart(load: Load) -> None:
     assert scene.damping_N_s_m == 0.2
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "scenes").glob("*.toml")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", sorted((ROOT / "scenes").rglob("*.toml")), ids=lambda file: file.stem)
 def test_scenes_of_the_project_are_good(file: Path) -> None:
     scene = load_scene(file)
     assert scene.to_dict()["duration_ticks"] == scene.duration_ticks
@@ -255,6 +300,58 @@ BAD = {
     "gravity across a sheet": (
         SHEET + "gravity_m_s2 = [0, 1, 0]",
         "scene.toml: body.gravity_m_s2 = [0, 1, 0]: must be 0 along y where body.dimension = 2",
+    ),
+    "region without a box": (
+        region("stiffness_N_m = 10"),
+        "scene.toml: body.regions[1].from_node: missing; must be 2 or 3 whole numbers in [0, 63]",
+    ),
+    "region that is a number": (
+        body("regions = 3"),
+        "scene.toml: body.regions = 3: must be a list (at most 1,000 items) of tables {from_node, to_node, mass_kg, ",
+    ),
+    "region outside of the body": (
+        region("from_node = [0, 0, 0]\nto_node = [3, 5, 5]"),
+        "scene.toml: body.regions[1].to_node = [3, 5, 5]: must be indices within [0..3, 0..4, 0..5]",
+    ),
+    "region below the body": (
+        region("from_node = [0, -1, 0]\nto_node = [3, 4, 5]"),
+        "scene.toml: body.regions[1].from_node = [0, -1, 0]: must be 2 or 3 whole numbers in [0, 63]",
+    ),
+    "region that holds no node": (
+        region("from_node = [0, 3, 0]\nto_node = [3, 2, 5]"),
+        "scene.toml: body.regions[1].to_node = [3, 2, 5]: must be at least body.regions[1].from_node in each index; "
+        "y is less",
+    ),
+    "region of a sheet that holds no node": (
+        SHEET + "regions = [{ from_node = [0, 3], to_node = [3, 2] }]",
+        "scene.toml: body.regions[0].to_node = [3, 2]: must be at least body.regions[0].from_node in each index; "
+        "z is less",
+    ),
+    "region of a sheet with three indices": (
+        SHEET + "regions = [{ from_node = [0, 0, 3], to_node = [3, 0, 4] }]",
+        "scene.toml: body.regions[0].from_node = [0, 0, 3]: must be indices within [0..3, 0..5]",
+    ),
+    "region with an unknown key": (
+        region("from_node = [0, 0, 0]\nto_node = [3, 4, 5]\nstiffness = 3"),
+        "scene.toml: body.regions[1].stiffness = 3: unknown key; did you mean body.regions[1].stiffness_N_m?",
+    ),
+    "region without mass": (
+        region("from_node = [0, 0, 0]\nto_node = [3, 4, 5]\nmass_kg = 0"),
+        "scene.toml: body.regions[1].mass_kg = 0: must be in (0, 10] kg",
+    ),
+    "region without stiffness": (
+        region("from_node = [0, 0, 0]\nto_node = [3, 4, 5]\nstiffness_N_m = 0"),
+        "scene.toml: body.regions[1].stiffness_N_m = 0: must be in (0, 1e6] N/m",
+    ),
+    "both dampings of a region": (
+        region("from_node = [0, 0, 0]\nto_node = [3, 4, 5]\ndamping_ratio = 1.0\ndamping_N_s_m = 0.1"),
+        "scene.toml: body.regions[1].damping_N_s_m: given together with body.regions[1].damping_ratio = 1; "
+        "must be only one",
+    ),
+    "stiffness of a region of one node": (
+        region("from_node = [1, 1, 1]\nto_node = [1, 1, 1]\nstiffness_N_m = 10"),
+        "scene.toml: body.regions[1].stiffness_N_m: given for a region of one node, which holds no spring; "
+        "must be left out",
     ),
     "step longer than a tick": (
         GOOD + "[integrator]\nstep_s = 0.002",
