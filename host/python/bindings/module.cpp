@@ -1,10 +1,12 @@
 #include "host/python/bindings/experiments.hpp"
+#include "shared/model/local_model.hpp"
 #include "shared/wire/messages.hpp"
 
 NB_MODULE(_core, module) {
   using namespace nanobind::literals;
   module.doc() = "The C++ core of palpate; see _core.pyi.";
   module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
+  module.attr("MAX_MODES") = palpate::kMaxModes;
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "progress"_a);
   module.def("linear_body", &palpate::python::linear_body, "scene"_a);

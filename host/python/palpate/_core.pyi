@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 Progress = Callable[[int, int], bool]
 
+# The most modes that a local model on the board may have.
+MAX_MODES: int
+
 def run_closed_loop(
     scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress
 ) -> dict[str, Any]:

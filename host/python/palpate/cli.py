@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -65,8 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
             "--board", choices=sorted(BOARDS), help="where the firmware runs (default: the scene's)"
         )
 
-    def add_scene(command: argparse.ArgumentParser) -> None:
-        command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    def add_set(command: argparse.ArgumentParser) -> None:
         command.add_argument(
             "--set",
             action="append",
@@ -74,6 +73,32 @@ def build_parser() -> argparse.ArgumentParser:
             metavar="KEY=VALUE",
             help="set a key of the scene, as in contact.friction=0.5; may be repeated",
         )
+
+    def add_scene(command: argparse.ArgumentParser) -> None:
+        command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+        add_set(command)
+
+    def add_reduce_options(command: argparse.ArgumentParser) -> None:
+        body = command.add_mutually_exclusive_group()
+        body.add_argument("--scene", type=Path, metavar="SCENE", help="scene file with the body (default: the paper's)")
+        body.add_argument(
+            "--check-locality",
+            type=Path,
+            metavar="SCENE",
+            help="judge whether a patch around the contact will do for this body; exit code 1 if not the smallest",
+        )
+        body.add_argument("--dim", type=int, choices=(2, 3), help="the paper's square or cube (default: 2)")
+        command.add_argument("--n", type=int, metavar="N", help="nodes on each axis of the paper's body (default: 12)")
+        command.add_argument("--damping", type=float, metavar="RATIO", help="damping ratio b / sqrt(2 m k) of the body")
+        command.add_argument("--order", type=int, metavar="R", help="states to keep (default: as few as give 1 %%)")
+        command.add_argument(
+            "--node", type=int, nargs="+", metavar="I", help="contact node I J K, I K in 2D (default: middle of the top)"
+        )
+        command.add_argument(
+            "--tolerance", type=float, default=1e-6, metavar="E", help="of the projection, certified (default: 1e-6)"
+        )
+        command.add_argument("--dense", action="store_true", help="balance the whole system, without a projection")
+        add_set(command)
 
     demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
     add_out(demo, "out/demo")
@@ -93,6 +118,9 @@ def build_parser() -> argparse.ArgumentParser:
     figures.add_argument(
         "--hil", action="store_true", help="the firmware in QEMU (mps2_an386) instead of as a Linux process"
     )
+    reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
+    add_reduce_options(reduction)
+    add_out(reduction, "out/reduce")
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
@@ -235,6 +263,35 @@ def _reproduce(arguments: argparse.Namespace) -> int:
     return OK if all(result.passed for result in results) else FAILED
 
 
+def _reduce(arguments: argparse.Namespace) -> int:
+    from palpate.reduce import command
+
+    file: Path | None = arguments.scene or arguments.check_locality
+    if file is not None and arguments.n is not None:
+        raise SceneError("--n: only for the paper's bodies (--dim); a scene has its own nodes (--set body.nodes=[...])")
+    if not 1e-12 <= arguments.tolerance <= 0.1:
+        raise SceneError(f"--tolerance = {arguments.tolerance:g}: must be in [1e-12, 0.1]")
+    dimension = arguments.dim or 2
+    overrides = command.paper_overrides(dimension, arguments.n, arguments.damping)
+    scene = command.load(file, dimension, {**overrides, **dict(parse_override(text) for text in arguments.set)})
+    request = command.Request(scene, arguments.node, arguments.order, arguments.dense, arguments.tolerance)
+    folder = _output_folder(arguments, "reduce")
+    from palpate import _core
+
+    good = True
+    if arguments.check_locality is not None:
+        values, text, good = command.judge_locality(_core, request, folder, _progress)
+    else:
+        values, text = command.reduce_body(_core, request, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(text, file=table)
+    for i, written in enumerate(values["files"].values()):
+        print(f"  {'wrote' if i == 0 else '':<46}{_short(Path(written))}", file=table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    return OK if good else FAILED
+
+
 def _test(arguments: argparse.Namespace) -> int:
     from palpate.testing import run_tests
 
@@ -251,7 +308,7 @@ def main(argv: Sequence[str]) -> int:
     """Runs one command; returns the exit code."""
     arguments = build_parser().parse_args(argv)
     try:
-        return {"test": _test, "reproduce": _reproduce}.get(arguments.command, _experiment)(arguments)
+        return {"test": _test, "reproduce": _reproduce, "reduce": _reduce}.get(arguments.command, _experiment)(arguments)
     except SceneError as error:
         _complain(arguments, str(error))
         return BAD_INPUT

@@ -1,0 +1,156 @@
+"""`palpate reduce`: from a scene, or a square or cube of the paper, to a reduction or a verdict on locality."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate.experiment import ProgressBar
+from palpate.paths import SCENES
+from palpate.reduce import pictures
+from palpate.reduce.locality import Locality, check_locality
+from palpate.reduce.study import LARGEST_DENSE, Reduction, reduce_system
+from palpate.reduce.system import BodyError, ContactSystem, LinearBody, contact_system, linear_body, middle_of_top
+from palpate.scene import Scene, SceneError, load_scene
+
+OpenBar = Callable[[str, str], AbstractContextManager[ProgressBar]]
+
+# The paper's bodies: one edge or two faces held.
+PAPER_SCENES = {2: SCENES / "reproduce" / "square.toml", 3: SCENES / "reproduce" / "cube.toml"}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to reduce. node: lattice indices of the contact node, [i, k] in two dimensions; None: the middle of the top."""
+
+    scene: Scene
+    node: Sequence[int] | None
+    order: int | None
+    dense: bool
+    tolerance: float
+
+
+def paper_overrides(dimension: int, nodes: int | None, damping_ratio: float | None) -> dict[str, Any]:
+    """Keys of the paper's scene for `--n` and `--damping`."""
+    chosen: dict[str, Any] = {}
+    if nodes is not None:
+        chosen["body.nodes"] = [nodes] * dimension
+    if damping_ratio is not None:
+        chosen["body.damping_ratio"] = damping_ratio
+    return chosen
+
+
+def load(file: Path | None, dimension: int, overrides: Mapping[str, Any]) -> Scene:
+    """A scene's file, or the paper's body of this dimension. Raises SceneError."""
+    return load_scene(file or PAPER_SCENES[dimension], dict(overrides))
+
+
+def build_system(core: Any, request: Request) -> ContactSystem:
+    """The system of the request's contact node. Raises SceneError, naming the scene's file."""
+    body = linear_body(core, request.scene.to_dict())
+    try:
+        return contact_system(body, middle_of_top(body) if request.node is None else _node(body, request.node))
+    except BodyError as error:
+        raise SceneError(f"{request.scene.file}: {error}") from None
+
+
+def _node(body: LinearBody, indices: Sequence[int]) -> int:
+    nx, ny, nz = body.shape
+    planar = ny == 1 and len(indices) == 2
+    i, j, k = (indices[0], 0, indices[1]) if planar else indices if len(indices) == 3 else (-1, -1, -1)
+    if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+        given = " ".join(map(str, indices))
+        wanted = f"I K in [0, {nx - 1}] [0, {nz - 1}]" if ny == 1 else f"I J K in [0, {nx - 1}] [0, {ny - 1}] [0, {nz - 1}]"
+        raise SceneError(f"--node = {given}: must be {wanted}")
+    return i + nx * (j + ny * k)
+
+
+def reduce_body(core: Any, request: Request, folder: Path, open_bar: OpenBar) -> tuple[dict[str, Any], str]:
+    """Reduces, writes reduction.json and reduction.png to the folder; what `--json` prints, and the text for a person.
+    Raises SceneError."""
+    system = build_system(core, request)
+    if request.dense and system.states > LARGEST_DENSE:
+        raise SceneError(f"--dense: {system.states:,} states: must be at most {LARGEST_DENSE:,}")
+    if request.order is not None and not 1 <= request.order <= system.states:
+        raise SceneError(f"--order = {request.order}: must be in [1, {system.states}], the body's states")
+    with open_bar(f"reducing {system.states:,} states", "step") as bar:
+        reduction = reduce_system(
+            system, request.order, dense=request.dense, tolerance=request.tolerance, progress=bar
+        )
+    values = {"scene": str(request.scene.file), "contact_node": list(_place(reduction.system)), **reduction.to_dict()}
+    files = _write(folder, "reduction", values, lambda file: pictures.draw_reduction(reduction, file))
+    return {**values, "files": files}, _text(request, reduction)
+
+
+def judge_locality(
+    core: Any, request: Request, folder: Path, open_bar: OpenBar
+) -> tuple[dict[str, Any], str, bool]:
+    """Writes locality.json and locality.png to the folder; what `--json` prints, the text for a person, and the verdict.
+    Raises SceneError."""
+    system = build_system(core, request)
+    rate_Hz = request.scene.sections.rates.model_update_Hz
+    with open_bar(f"reducing {system.states:,} states", "step") as bar:
+        locality = check_locality(system, rate_Hz, core.MAX_MODES, bar)
+    values = {"scene": str(request.scene.file), "contact_node": list(_place(system)), **locality.to_dict()}
+    files = _write(folder, "locality", values, lambda file: pictures.draw_locality(locality, file))
+    return {**values, "files": files}, _locality_text(request, locality), locality.local
+
+
+def _place(system: ContactSystem) -> tuple[int, int, int]:
+    return system.body.coordinates(system.contact_node)
+
+
+def _write(folder: Path, name: str, values: Mapping[str, Any], draw: Callable[[Path], None]) -> dict[str, str]:
+    folder.mkdir(parents=True, exist_ok=True)
+    picture, data = folder / f"{name}.png", folder / f"{name}.json"
+    draw(picture)
+    data.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return {data.name: str(data), picture.name: str(picture)}
+
+
+def _lines(title: str, rows: Sequence[tuple[str, str]]) -> str:
+    return "\n".join([title, *(f"  {label:<46}{text}" for label, text in rows)])
+
+
+def _title(request: Request, system: ContactSystem) -> str:
+    return f"{request.scene.sections.title or request.scene.file.stem}, contact at node {_place(system)}"
+
+
+def _text(request: Request, reduction: Reduction) -> str:
+    asked = request.order
+    rest = "" if asked is None or reduction.order == asked else f" (asked: {asked}; the rest is rounding)"
+    percent = "{:.3g} %".format
+    rows = [
+        ("states", f"{reduction.system.states:,}"),
+        ("order", f"{reduction.order}{rest}"),
+        ("error, certified (H-infinity, relative)", f"at most {percent(100 * reduction.certified_error)}"),
+        ("  of it, of the projection", percent(100 * reduction.projection_error)),
+        ("error by the singular values left out (bound)", percent(100 * reduction.a_priori_bound)),
+        ("next singular value over the largest", percent(100 * reduction.next_singular_value)),
+        ("sum of those left out over the sum", percent(100 * reduction.tail_sum)),
+        ("states that were balanced", f"{2 * reduction.projected.size}"),
+        ("time on one core of this machine", f"{reduction.time_s:.3g} s"),
+    ]
+    return _lines(_title(request, reduction.system), rows)
+
+
+def _locality_text(request: Request, locality: Locality) -> str:
+    rows = [("states", f"{locality.reduction.system.states:,}")]
+    rows += [
+        (
+            f"{patch.name(locality.planar)} patch, {patch.modes} modes{'' if patch.fits else ' (too many)'}",
+            f"misses {100 * patch.error_in_band:.3g} % above {locality.update_rate_Hz:g} Hz, "
+            f"{100 * patch.error[0]:.3g} % at {locality.frequency_Hz[0]:g} Hz",
+        )
+        for patch in locality.patches
+    ]
+    rows.append(
+        (
+            f"whole body, {locality.reduction.order} states",
+            f"misses at most {100 * locality.reduction.certified_error:.3g} % (certified, of the largest)",
+        )
+    )
+    rows.append(("of its states, inside the first patch", f"{100 * locality.state_share:.0f} %"))
+    return _lines(_title(request, locality.reduction.system), rows) + f"\n{locality.verdict()}"

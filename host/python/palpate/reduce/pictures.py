@@ -1,0 +1,116 @@
+"""Pictures of `palpate reduce`: singular values and responses; where the states lie, and what patches miss."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from palpate.reduce.locality import GOOD_ERROR, Locality
+from palpate.reduce.response import reduced_response
+from palpate.reduce.state_space import state_space
+from palpate.reduce.study import Reduction
+from palpate.reproduce import plot
+
+_FREQUENCIES = 300
+# Singular values below this part of the largest are not shown.
+_SMALLEST_SHOWN = 1e-16
+
+
+def draw_reduction(reduction: Reduction, file: Path) -> None:
+    """Hankel singular values with the order, and the frequency response of full and reduced model with their difference."""
+    figure, (above, below) = plot.panels((1.2, 1.6), share_x=False)
+    hankel = reduction.hankel_N_m / reduction.hankel_N_m[0]
+    shown = hankel[hankel > _SMALLEST_SHOWN]
+    kept = np.arange(1, len(shown) + 1) <= reduction.order
+    number = np.arange(1, len(shown) + 1)
+    above.semilogy(number[kept], shown[kept], "o", markersize=3, color=plot.BLUE, label=f"kept: {reduction.order}")
+    above.semilogy(number[~kept], shown[~kept], "o", markersize=3, color=plot.LIGHT_BLUE, label="left out")
+    above.set(xlabel="number of the state", ylabel="Hankel singular value\nrelative to the largest")
+    plot.legend(above)
+
+    system = reduction.system
+    lowest, fastest = 0.03 * np.sqrt(system.slowest_1_s2), 10.0 * np.sqrt(system.fastest_1_s2)
+    frequency_rad_s = np.geomspace(lowest, fastest, _FREQUENCIES)
+    full = reduced_response(system, state_space(reduction.projected), frequency_rad_s)
+    reduced = reduced_response(system, reduction.reduced, frequency_rad_s)
+
+    def size(response: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(response, 2, axis=(1, 2))
+
+    frequency_Hz = frequency_rad_s / (2.0 * np.pi)
+    below.loglog(frequency_Hz, size(full), color=plot.LIGHT_RED, linewidth=4, label=f"full: {system.states:,} states")
+    below.loglog(frequency_Hz, size(reduced), color=plot.BLUE, linewidth=1.2, label=f"reduced: {reduction.order}")
+    below.loglog(frequency_Hz, size(full - reduced), color=plot.GREY, linewidth=1, label="difference")
+    below.axhline(
+        reduction.certified_error * reduction.norm_N_m,
+        color=plot.GREY,
+        linestyle="--",
+        linewidth=1,
+        label="its certified bound",
+    )
+    below.set(xlabel="frequency [Hz]", ylabel="force by displacement\n(2-norm) [N/m]")
+    plot.legend(below, columns=2)
+    plot.save(figure, file)
+
+
+def draw_locality(locality: Locality, file: Path) -> None:
+    """Left: the share of the states on the nodes of the section through the contact; right: the patches' errors."""
+    figure = Figure(figsize=(9.6, 4.6), dpi=140, layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    _draw_section(locality, figure, left)
+    right.axvspan(locality.update_rate_Hz, locality.frequency_Hz[-1], color="#eef3f8", zorder=0)
+    right.axhline(GOOD_ERROR, color=plot.GREY, linestyle="--", linewidth=1, label=f"good: {GOOD_ERROR:g}")
+    colours = np.linspace(0.0, 0.75, len(locality.patches))
+    for patch, colour in zip(locality.patches, colours, strict=True):
+        fits = "" if patch.fits else ": too many"
+        right.loglog(
+            locality.frequency_Hz,
+            patch.error,
+            color=(0.05 + 0.9 * colour, 0.2 + 0.5 * colour, 0.55 + 0.3 * colour),
+            linestyle="-" if patch.fits else ":",
+            label=f"{patch.name(locality.planar)} patch ({patch.modes} modes{fits})",
+        )
+    right.loglog(
+        locality.frequency_Hz,
+        locality.reduced_error,
+        color=plot.GREEN,
+        label=f"whole body reduced to {locality.reduction.order} states",
+    )
+    right.grid(alpha=0.25)
+    right.set(xlabel="frequency [Hz]", ylabel="relative error of the force", title="What each model misses")
+    right.annotate(
+        "the local model alone",
+        (np.sqrt(locality.update_rate_Hz * locality.frequency_Hz[-1]), 0.985),
+        xycoords=("data", "axes fraction"),
+        ha="center",
+        va="top",
+        fontsize=8,
+        color=plot.GREY,
+    )
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    plot.save(figure, file)
+
+
+def _draw_section(locality: Locality, figure: Figure, axes: Axes) -> None:
+    system = locality.reduction.system
+    nx, ny, nz = system.body.shape
+    i, j, _ = system.body.coordinates(system.contact_node)
+    share = locality.node_share.reshape(nz, ny, nx)[:, j, :]
+    shown = np.log10(np.maximum(share / share.max(), 1e-4))
+    image = axes.imshow(shown, origin="lower", cmap="Blues", vmin=-4, vmax=0, extent=(-0.5, nx - 0.5, -0.5, nz - 0.5))
+    first = locality.patches[0]
+    low = min(max(i - first.along // 2, 0), nx - first.along)
+    corner = (low - 0.5, nz - first.depth - 0.5)
+    axes.add_patch(Rectangle(corner, first.along, first.depth, fill=False, edgecolor=plot.RED, linewidth=1.5))
+    axes.plot([i], [nz - 1], "v", color=plot.RED, markersize=6)
+    name = first.name(locality.planar)
+    axes.set(
+        xlabel="node along x",
+        ylabel="node along z",
+        title=f"Where the states lie ({100 * locality.state_share:.0f} % in {name})",
+    )
+    bar = figure.colorbar(image, ax=axes, shrink=0.75, ticks=[-4, -3, -2, -1, 0])
+    bar.ax.set_yticklabels(["1e-4", "1e-3", "0.01", "0.1", "1"])
+    bar.set_label("share, relative to the largest")
