@@ -2,23 +2,25 @@
 
 import html.parser
 import json
-import re
+import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command import ROOT, palpate
 
+from palpate.cli import build_parser
 from palpate.paths import SCENES
 from palpate.reproduce import command, report
 from palpate.reproduce.catalogue import FIGURES
 from palpate.reproduce.checks import Check
-from palpate.reproduce.figure import PaperFigure, Run
+from palpate.reproduce.figure import PaperFigure, Run, Study
 from palpate.reproduce.folders import clear
 from palpate.reproduce.results import FigureResult
 from palpate.scene import SceneError, load_scene
 from palpate.scene_overrides import parse_override
 
+NAMES = ["table1", "table2", "fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
 PNG = b"\x89PNG, made up"
 VOID = {"meta", "img", "br"}
 
@@ -53,9 +55,9 @@ def result(tmp_path: Path, measured: float = 0.5) -> FigureResult:
         (("A claim <with> signs", "5.1"),),
         ("What was done.",),
         "A caption",
-        (Run("plain", "fig12"), Run("other", "fig12", {"model.feedback": "hold", "model.patch_nodes": [4, 4, 2]})),
         lambda records: [],
         lambda records, file: None,
+        (Run("plain", "fig12"), Run("other", "fig12", {"model.feedback": "hold", "model.patch_nodes": [4, 4, 2]})),
     )
     checks = [
         Check("a ratio", "is <small>", measured, "N", "a reason", at_most=1.0),
@@ -119,24 +121,31 @@ def test_json_of_results(tmp_path: Path) -> None:
 
 def test_commands_of_runs_are_read_back_as_they_are() -> None:
     for figure in FIGURES.values():
-        for run in figure.runs:
-            line = report.format_command(run, hil=False)
-            overrides = dict(parse_override(text) for text in re.findall(r"--set '([^']*)'", line))
-            assert overrides == dict(run.overrides)
-            load_scene(run.file, overrides)
+        for case in figure.cases:
+            command_name, *words = shlex.split(report.format_command(case, hil=False))
+            assert command_name == "./run"
+            arguments = build_parser().parse_args(words)
+            overrides = dict(parse_override(text) for text in arguments.set)
+            assert overrides == dict(case.overrides)
+            assert ROOT / arguments.scene == case.file
+            load_scene(case.file, overrides)
+            if isinstance(case, Study):
+                assert (arguments.order, arguments.dense) == (case.order, case.dense)
+                assert case.dense or arguments.tolerance == case.tolerance
 
 
 def test_every_figure_of_the_paper_has_scenes_and_claims() -> None:
-    assert list(FIGURES) == [f"fig{number}" for number in range(12, 18)]
+    assert list(FIGURES) == NAMES
     for figure in FIGURES.values():
         assert figure.claims and figure.setting and figure.caption
-        assert len({run.name for run in figure.runs}) == len(figure.runs)
-    used = {run.file for figure in FIGURES.values() for run in figure.runs}
+        assert figure.cases and len({case.name for case in figure.cases}) == len(figure.cases)
+    used = {case.file for figure in FIGURES.values() for case in figure.cases}
     assert used == set((SCENES / "reproduce").glob("*.toml"))
 
 
 def test_names_are_selected_in_the_papers_order() -> None:
-    assert [figure.name for figure in command.select(["fig16", "fig12", "fig16"])] == ["fig12", "fig16"]
+    assert [figure.name for figure in command.select(["fig16", "table2", "fig12", "fig16"])] == ["table2", "fig12", "fig16"]
+    assert [figure.label for figure in command.select(["fig12", "table2"])] == ["Table 2", "Figure 12"]
     assert command.select([]) == command.select(["all"]) == list(FIGURES.values())
     with pytest.raises(SceneError, match="fig11"):
         command.select(["fig12", "fig11"])
@@ -146,7 +155,7 @@ def test_an_unknown_figure_is_refused_on_one_line_with_the_known_ones() -> None:
     done = palpate("reproduce", "fig18")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
-        "palpate reproduce: fig18: unknown figure; must be one of fig12, fig13, fig14, fig15, fig16, fig17, all\n"
+        f"palpate reproduce: fig18: unknown figure; must be one of {', '.join(NAMES)}, all\n"
     )
 
 
@@ -210,6 +219,7 @@ def test_all_figures_from_end_to_end(tmp_path: Path) -> None:
         names = [run["name"] for run in stored["runs"]]
         assert names[: len(figure.runs)] == [run.name for run in figure.runs]
         assert sorted(entry.name for entry in folder.iterdir() if entry.is_dir()) == sorted(names)
+        assert [study["name"] for study in stored["studies"]] == [study.name for study in figure.studies]
         for run in names:
             for file in ("record.h5", "summary.json"):
                 assert (folder / run / file).stat().st_size > 0

@@ -38,16 +38,20 @@ class Check:
             for name, bound in (("at_least", self.at_least), ("at_most", self.at_most))
             if bound is not None
         }
-        finite = abs(self.measured) < float("inf")
         return {
             "name": self.name,
             "paper_states": self.paper_states,
-            "measured": self.measured if finite else None,
+            "measured": number_or_none(self.measured),
             "unit": self.unit,
             "tolerance": tolerance or None,
             "tolerance_reason": self.reason,
             "pass": self.passed,
         }
+
+
+def number_or_none(value: float | int) -> float | int | None:
+    """For JSON, which has no NaN and no infinity."""
+    return value if abs(value) < float("inf") else None
 
 
 def all_passed(checks: list[Check]) -> bool:

@@ -1,20 +1,19 @@
 """`palpate reproduce`: from names of figures to results and the report."""
 
 import os
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from palpate.experiment import ProgressBar
 from palpate.reproduce.catalogue import FIGURES
 from palpate.reproduce.figure import PaperFigure, Record
 from palpate.reproduce.folders import REPORT, clear
 from palpate.reproduce.report import format_number, format_tolerance, write_report
 from palpate.reproduce.results import FigureResult, evaluate
-from palpate.reproduce.runner import Done, jobs, run_all
+from palpate.reproduce.runner import Done, Job, jobs, run_all
+from palpate.reproduce.studies import OpenBar, study_all
 from palpate.scene import SceneError
 
 NATIVE, HIL = "native", "mps2_an386"
@@ -35,17 +34,35 @@ def reproduce(
     figures: Sequence[PaperFigure],
     out: Path,
     hil: bool,
-    progress: Callable[[str, str], AbstractContextManager[ProgressBar]],
+    progress: OpenBar,
 ) -> tuple[list[FigureResult], Path]:
-    """Runs the figures' scenes, evaluates them, and writes `out`/figNN and the report; returns the results and the
-    report's file. What an earlier run left of these figures goes. Raises SceneError (also where other files are in their
-    place), hil.BoardError, or what the core raises."""
+    """Runs the figures' scenes, reduces their bodies, evaluates both, and writes a folder of each and the report to `out`;
+    returns the results and the report's file. What an earlier run left of these figures goes. hil: for the runs; studies
+    have no board. Raises SceneError (also where other files are in their place), hil.BoardError, or what the core
+    raises."""
     board = HIL if hil else NATIVE
     planned = jobs(figures, out, board)
     clear(out, figures)
-    total, counted, lock = 0, 0, Lock()
-    done: list[Done] = []
+    figures, done = _run_all(core, figures, planned, out, board, progress)
+    studied = study_all(core, figures, progress)
+    results = []
+    with progress("figures", "figure") as bar:
+        for i, figure in enumerate(figures):
+            own = [run for run in done if run.job.figure == figure.name]
+            results.append(evaluate(figure, own, studied[figure.name], out / figure.name))
+            bar(i + 1, len(figures))
+    return results, write_report(out / REPORT, results, hil)
+
+
+def _run_all(
+    core: Any, figures: Sequence[PaperFigure], planned: Sequence[Job], out: Path, board: str, progress: OpenBar
+) -> tuple[list[PaperFigure], list[Done]]:
+    """Runs the planned jobs, and those that follow from them, which the figures returned then have too."""
     figures = list(figures)
+    done: list[Done] = []
+    if not planned:
+        return figures, done
+    total, counted, lock = 0, 0, Lock()
     with progress(f"{len(planned)} runs on {board}", "tick") as bar:
 
         def count(ticks: int) -> None:
@@ -62,13 +79,7 @@ def reproduce(
             figures = [
                 replace(figure, runs=figure.runs + further.runs) for figure, further in zip(figures, more, strict=True)
             ]
-    results = []
-    with progress("figures", "figure") as bar:
-        for i, figure in enumerate(figures):
-            own = [run for run in done if run.job.figure == figure.name]
-            results.append(evaluate(figure, own, out / figure.name))
-            bar(i + 1, len(figures))
-    return results, write_report(out / REPORT, results, hil)
+    return figures, done
 
 
 def _records(done: Sequence[Done], figure: PaperFigure) -> dict[str, Record]:

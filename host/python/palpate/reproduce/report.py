@@ -8,7 +8,7 @@ from pathlib import Path
 
 from palpate import __version__
 from palpate.reproduce.checks import Check
-from palpate.reproduce.figure import Run, Table
+from palpate.reproduce.figure import Case, Study, Table
 from palpate.reproduce.results import FigureResult
 from palpate.scene_overrides import format_override
 
@@ -76,11 +76,14 @@ def format_tolerance(check: Check) -> str:
     return ", ".join(f"{words} {bound:.7g}" for words, bound in bounds if bound is not None)
 
 
-def format_command(run: Run, hil: bool) -> str:
-    """The command that repeats one run."""
-    board = "mps2_an386" if hil else "native"
-    overrides = "".join(f" --set '{format_override(*item)}'" for item in run.overrides.items())
-    return f"./run run scenes/reproduce/{run.scene}.toml --board {board}{overrides}"
+def format_command(case: Case, hil: bool) -> str:
+    """The command that repeats one run or study."""
+    file = f"scenes/reproduce/{case.scene}.toml"
+    overrides = "".join(f" --set '{format_override(*item)}'" for item in case.overrides.items())
+    if isinstance(case, Study):
+        method = " --dense" if case.dense else f" --tolerance {case.tolerance:g}"
+        return f"./run reduce --scene {file} --order {case.order}{method}{overrides}"
+    return f"./run run {file} --board {'mps2_an386' if hil else 'native'}{overrides}"
 
 
 def _verdict(passed: bool | None) -> str:
@@ -89,11 +92,8 @@ def _verdict(passed: bool | None) -> str:
 
 
 def _head(results: Sequence[FigureResult], hil: bool) -> str:
-    where = (
-        "in QEMU, an emulated Cortex-M4F" if hil else "as a Linux process, whose arithmetic is that of the board"
-    )
     rows = "".join(
-        f'<tr><td><a href="#{result.figure.name}">Figure {result.figure.name[3:]}</a></td>'
+        f'<tr><td><a href="#{result.figure.name}">{result.figure.label}</a></td>'
         f"<td>{html.escape(result.figure.title)}</td><td>{_count(result)}</td><td>{_verdict(result.passed)}</td></tr>"
         for result in results
     )
@@ -102,16 +102,34 @@ def _head(results: Sequence[FigureResult], hil: bool) -> str:
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{TITLE}</title><style>{_STYLE}</style></head><body>
 <h1>{TITLE}</h1>
-<p>{_PAPER}: the experiments of sections 5 and 6.1, run again with palpate {html.escape(__version__)}. The firmware ran
-{where}, a thousand ticks a second of virtual time, against a simulated arm; the full body and the local models came
-from the host at 30 Hz. All of it repeats to the bit.</p>
+<p>{_PAPER}: section 2 and the experiments of sections 5 and 6.1, done again with palpate {html.escape(__version__)}.</p>
+{"".join(f"<p>{text}</p>" for text in _how(results, hil))}
 <p>The paper prints its curves as pictures, without data, mesh constants or the motion of the hand. So its
-<em>statements</em> are compared here, not its curves: each row below holds one number against a sentence of the paper,
-with a tolerance and the reason for it. Where the paper gives no number, the row says so. The material is not the
-paper’s, which it does not state: masses of 1 g, springs of 100 N/m, 1 cm apart, critically damped (but for Figures 12 and
-13).</p>
-<div class="wide"><table><thead><tr><th>Figure</th><th>Experiment</th><th>Checks passed</th><th></th></tr></thead>
+<em>statements</em> and its tables are compared here, not its curves: each row below holds one number against a sentence
+of the paper, with a tolerance and the reason for it. Where the paper gives no number, the row says so. The material is ours
+where the paper states none: masses of 1 g, springs of 100 N/m, 1 cm apart, critically damped, unless a section says
+otherwise.</p>
+<div class="wide"><table><thead><tr><th></th><th>Experiment</th><th>Checks passed</th><th></th></tr></thead>
 <tbody>{rows}</tbody></table></div>"""
+
+
+def _how(results: Sequence[FigureResult], hil: bool) -> list[str]:
+    """How the numbers came about, a paragraph for each way that these results took."""
+    where = (
+        "in QEMU, an emulated Cortex-M4F" if hil else "as a Linux process, whose arithmetic is that of the board"
+    )
+    ways = []
+    if any(result.figure.studies for result in results):
+        ways.append(
+            "The figures and tables of section 2 reduce linear bodies, on one core, without device and firmware. Their times "
+            "are those of this machine, and the only numbers here that do not repeat."
+        )
+    if any(result.figure.runs for result in results):
+        ways.append(
+            f"For those of sections 5 and 6.1 the firmware ran {where}, a thousand ticks a second of virtual time, against a "
+            "simulated arm; the full body and the local models came from the host at 30 Hz. All of that repeats to the bit."
+        )
+    return ways
 
 
 def _count(result: FigureResult) -> str:
@@ -121,28 +139,27 @@ def _count(result: FigureResult) -> str:
 
 def _section(result: FigureResult, hil: bool) -> str:
     figure = result.figure
-    number = figure.name[3:]
     claims = "".join(
         f"<blockquote><p>“{html.escape(text)}” (section {section})</p></blockquote>"
         for text, section in figure.claims
     )
     setting = "".join(f"<p>{html.escape(text)}</p>" for text in figure.setting)
     image = base64.b64encode(result.plot.read_bytes()).decode("ascii")
-    commands = "\n".join(html.escape(format_command(run, hil)) for run in figure.runs)
-    whole = f"./run reproduce {figure.name}" + (" --hil" if hil else "")
-    scenes = ", ".join(dict.fromkeys(f"<code>scenes/reproduce/{run.scene}.toml</code>" for run in figure.runs))
+    commands = "\n".join(html.escape(format_command(case, hil)) for case in figure.cases)
+    whole = f"./run reproduce {figure.name}" + (" --hil" if hil and figure.runs else "")
+    scenes = ", ".join(dict.fromkeys(f"<code>scenes/reproduce/{case.scene}.toml</code>" for case in figure.cases))
     return f"""<section id="{figure.name}">
-<h2>Figure {number}. {html.escape(figure.title)} {_verdict(result.passed)}</h2>
+<h2>{figure.label}. {html.escape(figure.title)} {_verdict(result.passed)}</h2>
 <p>What the paper states:</p>{claims}
 <p>What was done here:</p>{setting}
-<figure><img alt="Our Figure {number}: {html.escape(figure.caption)}" src="data:image/png;base64,{image}">
+<figure><img alt="Our {figure.label}: {html.escape(figure.caption)}" src="data:image/png;base64,{image}">
 <figcaption>{html.escape(figure.caption)}</figcaption></figure>
 <div class="wide checks"><table><thead><tr><th>Number, what the paper says of it, why this tolerance</th><th>Measured</th>
 <th>Tolerance</th><th></th></tr></thead><tbody>
 {"".join(map(_row, result.checks))}
 </tbody></table></div>
 {"".join(map(_table, result.tables))}
-<p>Scene: {scenes}. This figure: <code>{whole}</code>. Its runs one by one:</p>
+<p>Scene: {scenes}. All of it: <code>{whole}</code>. One by one:</p>
 <pre>{commands}</pre>
 </section>"""
 
@@ -154,7 +171,7 @@ def _table(table: Table) -> str:
         for row in table.rows
     )
     return (
-        f"<details><summary>{html.escape(table.title)} ({len(table.rows)})</summary>"
+        f"<details{' open' if table.main else ''}><summary>{html.escape(table.title)} ({len(table.rows)})</summary>"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div></details>'
     )
 

@@ -1,4 +1,4 @@
-"""Results of a figure: its checks, those of its runs, and results.json."""
+"""Results of a figure or table: its checks, those of its runs, and results.json."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.reproduce.checks import NO_NUMBER, Check, all_passed
-from palpate.reproduce.figure import PaperFigure, Table
+from palpate.reproduce.figure import PaperFigure, Records, Table
 from palpate.reproduce.runner import Done
 
 
@@ -48,6 +48,17 @@ class FigureResult:
                     "folder": run.name,
                 }
                 for run in self.figure.runs
+            ],
+            "studies": [
+                {
+                    "name": study.name,
+                    "scene": f"scenes/reproduce/{study.scene}.toml",
+                    "overrides": dict(study.overrides),
+                    "order": study.order,
+                    "dense": study.dense,
+                    "tolerance": study.tolerance,
+                }
+                for study in self.figure.studies
             ],
         }
 
@@ -94,14 +105,16 @@ def run_checks(done: Sequence[Done]) -> list[Check]:
     ]
 
 
-def evaluate(figure: PaperFigure, done: Sequence[Done], folder: Path) -> FigureResult:
-    """Checks and plot of a figure; writes plot.png and, last, results.json to its folder. done: its runs."""
-    records = {run.job.run.name: run.record for run in done}
+def evaluate(figure: PaperFigure, done: Sequence[Done], studied: Records, folder: Path) -> FigureResult:
+    """Checks and plot of a figure; writes plot.png and, last, results.json to its folder. done: its runs; studied: records
+    of its studies."""
+    records = {run.job.run.name: run.record for run in done} | dict(studied)
+    folder.mkdir(parents=True, exist_ok=True)
     plot = folder / PLOT
     figure.draw(records, plot)
     result = FigureResult(
         figure,
-        [*figure.checks(records), *run_checks(done)],
+        [*figure.checks(records), *(run_checks(done) if done else [])],
         plot,
         {run.job.run.name: run.summary for run in done},
         figure.tables(records),

@@ -1,0 +1,191 @@
+"""Figures and tables that rest on reductions: from end to end on a small body, and their checks on made-up records."""
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from palpate import _core
+from palpate.reproduce import command, table1, table2
+from palpate.reproduce.checks import Check
+from palpate.reproduce.figure import PaperFigure, Record, Records, Study, Table
+from palpate.reproduce.reductions import collect, collect_undamped_contact, factors
+from palpate.reproduce.studies import study
+
+SMALL = {"body.nodes": [5, 5]}
+
+
+def failed(checks: list[Check]) -> list[str]:
+    """Names of the checks that fail; all of them must survive JSON."""
+    json.dumps([check.to_dict() for check in checks], allow_nan=False)
+    assert len({check.name for check in checks}) == len(checks)
+    assert all(check.reason and check.paper_states for check in checks)
+    return [check.name for check in checks if check.passed is False]
+
+
+# ---- a figure without runs
+
+
+def draw(records: Records, file: Path) -> None:
+    file.write_bytes(b"PNG, made up")
+
+
+def small_figure() -> PaperFigure:
+    return PaperFigure(
+        "table1",
+        "A small one",
+        (("A claim", "2.2"),),
+        ("What was done.",),
+        "A caption",
+        lambda records: [Check("states", "76", int(records["small"]["states"]), "", "equal", at_least=76, at_most=76)],
+        draw,
+        studies=(Study("small", "square", SMALL, order=8, collect=collect),),
+        tables=lambda records: [Table("Rows", ("a", "b"), ((1, float("nan")),), main=True)],
+    )
+
+
+@pytest.mark.parametrize("hil", [False, True])
+def test_a_study_needs_no_board(tmp_path: Path, hil: bool) -> None:
+    phases: list[tuple[str, int, int]] = []
+
+    @contextlib.contextmanager
+    def progress(label: str, unit: str) -> Any:
+        def update(done: int, total: int) -> bool:
+            phases.append((label, done, total))
+            return True
+
+        yield update
+
+    (result,), page = command.reproduce(_core, [small_figure()], tmp_path, hil, progress)
+    assert phases == [("1 reductions", 1, 1), ("figures", 1, 1)]
+    assert [check.name for check in result.checks] == ["states"] and result.passed
+    stored = json.loads((tmp_path / "table1/results.json").read_text(encoding="utf-8"))
+    assert stored == result.to_dict()
+    assert stored["runs"] == [] and stored["tables"][0]["rows"] == [[1, None]]
+    (described,) = stored["studies"]
+    assert (described["scene"], described["overrides"]) == ("scenes/reproduce/square.toml", SMALL)
+    text = page.read_text(encoding="utf-8")
+    for words in ("Table 1. A small one", "without device and firmware", "<details open>", "./run reduce --scene"):
+        assert words in text, words
+    for words in ("--hil", "the firmware ran", "--board"):
+        assert words not in text, words
+    # A second time, over its own results.
+    command.reproduce(_core, [small_figure()], tmp_path, hil, progress)
+
+
+# ---- the tables' records
+
+
+def test_a_record_has_the_errors_of_the_order_asked() -> None:
+    record = study(_core, Study("small", "square", SMALL, order=8, dense=True, collect=collect_undamped_contact))
+    hankel = record["hankel"]
+    assert (int(record["states"]), int(record["order"]), len(hankel)) == (76, 8, 76)
+    assert record["next_singular_value"] == pytest.approx(100 * hankel[8])
+    assert record["tail_sum"] == pytest.approx(100 * hankel[8:].sum() / hankel.sum())
+    # Twice the singular values left out bound the error, and the first of them is below it.
+    largest = hankel[0] * record["tail_sum"] / record["next_singular_value"]
+    assert largest > 0 and record["relative_h_infinity"] > 0
+    # The damper at the contact carries a part of the response: without it the number is another one.
+    assert abs(float(record["undamped_contact"] / record["tail_sum"]) - 1.0) > 0.01
+
+
+def test_a_factor_is_off_to_both_sides() -> None:
+    assert factors([1.0, 4.0, 1.0], [1.0, 2.0, 3.0]) == pytest.approx([1.0, 2.0, 3.0])
+
+
+# ---- Table 1
+
+
+def table1_records(factor: float = 1.0, **changed: Any) -> dict[str, Record]:
+    records: dict[str, Record] = {}
+    for case in table1.FIGURE.studies:
+        dimension, n = case.name.split("D")[0], int(case.name.split()[1])
+        states, _, error = table1.PAPER[int(dimension)][n]
+        records[case.name] = {
+            "states": np.array(states),
+            "order": np.array(case.order),
+            "relative_h_infinity": np.array(2.0 * error),
+            "next_singular_value": np.array(3.0 * error),
+            "tail_sum": np.array(error if n < 25 else factor * error),
+            "projection_error": np.array(1e-6 * error),
+            "time_s": np.array(1.0),
+        } | changed
+    return records
+
+
+def test_table_1_passes_on_the_papers_numbers() -> None:
+    records = table1_records()
+    assert failed(table1.checks(records)) == []
+    for table in table1.tables(records):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+        assert [row[3] for row in table.rows] == [row[2] for rows in table1.PAPER.values() for row in rows.values()]
+
+
+@pytest.mark.parametrize("factor", [5.2, 1 / 5.2])
+def test_table_1_fails_on_a_judged_row_that_is_more_than_a_factor_of_5_off(factor: float) -> None:
+    assert any("sum of the singular values" in name for name in failed(table1.checks(table1_records(factor))))
+
+
+def test_table_1_fails_on_other_states_another_trend_and_a_coarse_projection() -> None:
+    assert len(failed(table1.checks(table1_records(states=np.array(76))))) == 1
+    assert len(failed(table1.checks(table1_records(projection_error=np.array(1.0))))) == 1
+    assert any("coarser" in name for name in failed(table1.checks(table1_records(0.6))))  # 25 x 25 below 20 x 20
+    records = table1_records()
+    records["2D 10 dense"] = {**records["2D 10 dense"], "next_singular_value": np.array(1.0)}
+    assert len(failed(table1.checks(records))) == 1
+
+
+# ---- Table 2
+
+
+def table2_records(tail_sum: dict[float, float], **changed: Any) -> dict[str, Record]:
+    def record(error: float) -> dict[str, Any]:
+        return {
+            "states": np.array(524),
+            "relative_h_infinity": np.array(8.0 * error),
+            "next_singular_value": np.array(9.0 * error),
+            "tail_sum": np.array(error),
+            "undamped_contact": np.array(error),
+            "projection_error": np.array(1e-9 * error),
+            "hankel": np.array([1.0, 0.1, 1e-5, 1e-9]),
+        }
+
+    records: dict[str, Record] = {}
+    for case in table2.FIGURE.studies:
+        ratio = float(case.overrides.get("body.damping_ratio", 1.0))
+        records[case.name] = record(tail_sum[ratio]) | changed
+    return records
+
+
+def test_table_2_passes_on_the_papers_numbers() -> None:
+    records = table2_records(table2.PAPER)
+    assert failed(table2.checks(records)) == []
+    for table in table2.tables(records):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+        assert [row[1] for row in table.rows] == list(table2.PAPER.values())
+
+
+@pytest.mark.parametrize("factor", [5.2, 1 / 5.2])
+def test_table_2_fails_on_a_row_that_is_more_than_a_factor_of_5_off(factor: float) -> None:
+    names = failed(table2.checks(table2_records({**table2.PAPER, 2.0: factor * table2.PAPER[2.0]})))
+    assert [name for name in names if "tail" in name or "sum of the singular" in name] != []
+
+
+def test_table_2_fails_on_another_trend_another_body_and_another_nearest_definition() -> None:
+    rising = {**table2.PAPER, 0.7: 1.1 * table2.PAPER[0.6]}
+    assert len(failed(table2.checks(table2_records(rising)))) == 1
+    assert len(failed(table2.checks(table2_records(table2.PAPER, states=np.array(528))))) == 1
+    near = {key: value * 3.0 for key, value in table2.PAPER.items()}
+    records = table2_records(near)
+    for name, record in records.items():
+        records[name] = {**record, "next_singular_value": record["tail_sum"] / 3.0}
+    assert len(failed(table2.checks(records))) == 1
+
+
+def test_table_2_fails_where_stiffness_matters() -> None:
+    records = table2_records(table2.PAPER)
+    records["stiffness 10"] = {**records["stiffness 10"], "hankel": np.array([1.0, 0.1001, 1e-5, 1e-9])}
+    assert len(failed(table2.checks(records))) == 1
