@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 # Relative room between an eigenvalue that iteration found and the bound below it that a factorization confirms.
 _EIGENVALUE_MARGIN = 1e-6
+# An eigenvalue below this part of the largest is zero but for rounding.
+_ROUNDING = 1e-12
 
 
 class BodyError(ValueError):
@@ -183,7 +185,7 @@ def contact_system(body: LinearBody, contact_node: int) -> ContactSystem:
         direct_damping_N_s_m=direct_damping,
         slowest_1_s2=_least_stiffness(body, inner, factor),
         fastest_1_s2=_largest_eigenvalue(stiffness),
-        damped_1_s=_least_damping(factor),
+        damped_1_s=_least_damping(body, inner, factor),
     )
 
 
@@ -207,7 +209,7 @@ def _require_connected(body: LinearBody, name: str, contact_node: int) -> None:
     apart = np.flatnonzero((part != part[contact_node]) & ~body.fixed)
     if len(apart):
         raise BodyError(
-            f"{len(apart)} free nodes, {body.coordinates(int(apart[0]))} among them, are not connected by springs with the "
+            f"node {body.coordinates(int(apart[0]))}: is one of {len(apart)} free nodes that no springs connect with the "
             f"contact, {name}; the free part of the body must be in one piece"
         )
 
@@ -225,25 +227,28 @@ def _least_stiffness(body: LinearBody, inner: NDArray[np.int64], factor: Shifted
     )
 
 
-def _least_damping(factor: ShiftedCholesky) -> float:
+def _least_damping(body: LinearBody, inner: NDArray[np.int64], factor: ShiftedCholesky) -> float:
     try:
         return _least_eigenvalue(factor, 0.0, 1.0)
     except NotPositiveDefiniteError:
-        raise BodyError(
-            "the body has a motion that no damper resists: its vibration never ends, and balanced reduction needs one "
-            "that does; give every spring some damping (body.damping_ratio above 0)"
-        ) from None
+        pass
+    motion = _softest_node(factor.damping, body.node[inner])
+    raise BodyError(
+        f"the body has a motion that no damper resists, largest at node {body.coordinates(motion)}: its vibration never "
+        "ends, and balanced reduction needs one that does; give every spring some damping (body.damping_ratio above 0)"
+    )
 
 
-def _softest_node(stiffness: sp.csc_matrix, node: NDArray[np.int64]) -> int:
+def _softest_node(matrix: sp.csc_matrix, node: NDArray[np.int64]) -> int:
+    """The node that moves most where the stiffness (or damping) resists least."""
     # Inverse iteration on a slightly stiffer body: the free motion grows by far the most.
-    scale = float(abs(stiffness).sum(axis=0).max())
-    shifted = ShiftedCholesky(stiffness + 1e-6 * scale * sp.eye_array(stiffness.shape[0]), None)
+    scale = float(abs(matrix).sum(axis=0).max()) or 1.0
+    shifted = ShiftedCholesky(sp.csc_matrix(matrix + 1e-6 * scale * sp.eye_array(matrix.shape[0])), None)
     try:
         solve = shifted.factor(1.0, 0.0)
     except NotPositiveDefiniteError:  # a spring that pushes: name the node that it pushes most
-        return int(node[int(np.argmin(stiffness.diagonal()))])
-    motion = np.random.default_rng(1).standard_normal((stiffness.shape[0], 1))
+        return int(node[int(np.argmin(matrix.diagonal()))])
+    motion = np.random.default_rng(1).standard_normal((matrix.shape[0], 1))
     for _ in range(5):
         motion = solve(motion / np.linalg.norm(motion))
     return int(node[int(np.argmax(np.abs(motion[:, 0])))])
@@ -260,14 +265,17 @@ def _least_eigenvalue(factor: ShiftedCholesky, stiffness: float, damping: float)
     """A bound below the eigenvalues of stiffness K + damping B, confirmed by a Cholesky factorization of the matrix less
     the bound; at most one part in a million too low. Raises NotPositiveDefiniteError."""
     size = factor.stiffness.shape[0]
+    matrix = stiffness * factor.stiffness + damping * factor.damping
+    rounding = _ROUNDING * float(abs(matrix).sum(axis=0).max())
     solve = factor.factor(stiffness, damping)
     if size < 20:
-        dense = (stiffness * factor.stiffness + damping * factor.damping).toarray()
-        least = float(np.linalg.eigvalsh(dense)[0])
+        least = float(np.linalg.eigvalsh(matrix.toarray())[0])
     else:
         inverse = sp.linalg.LinearOperator((size, size), matvec=lambda x: solve(x.reshape(-1, 1))[:, 0], dtype=float)
         start = np.random.default_rng(1).standard_normal(size)
         least = 1.0 / float(sp.linalg.eigsh(inverse, k=1, tol=1e-8, v0=start, return_eigenvectors=False)[0])
+    if least <= rounding:
+        raise NotPositiveDefiniteError
     bound = least * (1.0 - _EIGENVALUE_MARGIN)
     factor.factor(stiffness, damping, -bound)
     return bound
