@@ -70,7 +70,10 @@ def project(
     progress: Progress = lambda done, total: None,
 ) -> Projection:
     """A small system whose certified error is at most `tolerance` times the largest response of the strictly proper part,
-    or, where that takes more than `largest` degrees of freedom, the one that has about as many; error_N_m tells."""
+    or, where that takes more than `largest` degrees of freedom, the one that has as many; error_N_m tells. ValueError: from
+    a `largest` below twice the number of inputs."""
+    if largest < 2 * system.input_stiffness.shape[1]:
+        raise ValueError(f"{largest} degrees of freedom: at least twice the number of inputs are needed")
     solver = _Solver(system)
     basis = _extend(np.zeros((system.size, 0)), _at_infinity(system))
     slowest, fastest = np.sqrt(system.slowest_1_s2), np.sqrt(system.fastest_1_s2)
@@ -80,8 +83,9 @@ def project(
     while True:
         before = basis.shape[1]
         for shift in shifts:
-            basis = _extend(basis, solver.answer(shift))
-        used += shifts
+            if basis.shape[1] < largest:
+                basis = _extend(basis, solver.answer(shift))[:, :largest]
+                used.append(shift)
         small, residual = _residual(system, basis)
         frequency_rad_s = _sample_frequencies(system, residual)
         response, missing = _sample(small, residual, frequency_rad_s)

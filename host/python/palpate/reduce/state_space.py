@@ -12,6 +12,9 @@ Array = NDArray[np.float64]
 
 # Relative accuracy asked of the H-infinity norm.
 NORM_TOLERANCE = 1e-3
+# Samples that the norm is checked with: spread over two decades beyond the poles; the highest peaks; in a peak, each time
+# it is enlarged.
+_SPREAD, _PEAKS, _IN_PEAK, _ENLARGED = 200, 5, 33, 2
 
 
 @dataclass(frozen=True)
@@ -36,15 +39,13 @@ class StateSpace:
 
     def response(self, frequency_rad_s: Array) -> NDArray[np.complex128]:
         """(w, p, m): the transfer function at i times these frequencies (w,)."""
-        values, vectors = np.linalg.eig(self.a)
-        b = np.linalg.solve(vectors, self.b.astype(np.complex128))
-        c = self.c @ vectors
-        denominator = 1j * frequency_rad_s[:, None] - values[None, :]
-        return np.asarray(np.einsum("pn,wn,nm->wpm", c, 1.0 / denominator, b) + self.d)
+        return self._diagonal().response(frequency_rad_s)
 
     def h_infinity(self) -> tuple[float, float]:
-        """A bound above the H-infinity norm, at most 2 NORM_TOLERANCE too high, and the frequency in rad/s where the norm
-        is reached. The system must be stable. Source: Bruinsma and Steinbuch (1990), as SLICOT's AB13DD computes it."""
+        """A bound above the H-infinity norm, at most NORM_TOLERANCE too high, and the frequency in rad/s where the norm is
+        reached. The system must be stable. Source: Bruinsma and Steinbuch (1990), as SLICOT's AB13DD computes it. Where the
+        norm is small against those of b and c, rounding makes AB13DD stop early, 0.5 % too low in one of the tests: the
+        response is sampled too, about the poles and finely about its highest peaks, and the larger one taken."""
         if not (self.b.any() and self.c.any()):
             return float(np.linalg.norm(self.d, 2)), 0.0
         outputs, inputs = self.d.shape
@@ -52,7 +53,54 @@ class StateSpace:
             "C", "I", "S", "D", self.order, inputs, outputs, self.a, np.eye(self.order), self.b, self.c, self.d,
             NORM_TOLERANCE,
         )  # fmt: skip
+        sampled, at_rad_s = self._diagonal().highest()
+        if sampled > peak:
+            peak, frequency_rad_s = sampled, at_rad_s
         return float(peak) * (1.0 + NORM_TOLERANCE), float(frequency_rad_s)
+
+    def _diagonal(self) -> "_Diagonal":
+        values, vectors = np.linalg.eig(self.a)
+        return _Diagonal(values, np.linalg.solve(vectors, self.b.astype(np.complex128)), self.c @ vectors, self.d)
+
+
+@dataclass(frozen=True)
+class _Diagonal:
+    """A state space in the coordinates of its poles (n,)."""
+
+    poles: NDArray[np.complex128]
+    b: NDArray[np.complex128]
+    c: NDArray[np.complex128]
+    d: Array
+
+    def response(self, frequency_rad_s: Array) -> NDArray[np.complex128]:
+        """(w, p, m)."""
+        states = self.b[:, None, :] / (1j * frequency_rad_s[None, :] - self.poles[:, None])[:, :, None]
+        count, inputs = len(frequency_rad_s), self.b.shape[1]
+        outputs = (self.c @ states.reshape(-1, count * inputs)).reshape(-1, count, inputs)
+        return np.asarray(outputs.transpose(1, 0, 2) + self.d)
+
+    def highest(self) -> tuple[float, float]:
+        """The largest 2-norm of the response that sampling finds, and its frequency."""
+        sizes = np.abs(self.poles)
+        spread = np.geomspace(0.1 * sizes.min(), 10.0 * sizes.max(), _SPREAD)
+        at = np.unique(np.concatenate([[0.0], spread, sizes, np.abs(self.poles.imag)]))
+        gain = self._gain(at)
+        inner = np.arange(1, len(at) - 1)
+        local = inner[(gain[inner] >= gain[inner - 1]) & (gain[inner] >= gain[inner + 1])]
+        best, where = float(gain.max()), float(at[gain.argmax()])
+        for peak in local[np.argsort(-gain[local])][:_PEAKS]:
+            low, high = at[peak - 1], at[peak + 1]
+            for _ in range(_ENLARGED):
+                finer = np.linspace(low, high, _IN_PEAK)
+                values = self._gain(finer)
+                top = int(values.argmax())
+                if values[top] > best:
+                    best, where = float(values[top]), float(finer[top])
+                low, high = finer[max(top - 1, 0)], finer[min(top + 1, _IN_PEAK - 1)]
+        return best, where
+
+    def _gain(self, frequency_rad_s: Array) -> Array:
+        return np.asarray(np.linalg.norm(self.response(frequency_rad_s), 2, axis=(1, 2)))
 
 
 def time_scale_rad_s(system: SecondOrder) -> float:

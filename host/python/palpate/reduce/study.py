@@ -1,5 +1,6 @@
 """Balanced truncation of a body's contact system, with its errors."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from palpate.reduce.balance import Balanced, balance
 from palpate.reduce.projection import project
-from palpate.reduce.state_space import StateSpace, state_space
+from palpate.reduce.state_space import NORM_TOLERANCE, StateSpace, state_space
 from palpate.reduce.system import ContactSystem, SecondOrder
 
 Array = NDArray[np.float64]
@@ -35,9 +36,11 @@ class Reduction:
     proper part, descending. Errors are relative. certified_error: of the strictly proper part's H-infinity norm, an upper
     bound that includes the projection's; relative_h_infinity: the same without the projection's error;
     next_singular_value: the first one left out over the largest; tail_sum: the sum of those left out over the sum of all;
-    a_priori_bound: twice the sum of those left out, over the norm, plus the projection's. projection_error: certified,
-    over the norm, 0 for the dense method; projected: degrees of freedom that were balanced, basis (d, projected) theirs
-    or None for all. norm_N_m: H-infinity norm of the strictly proper part. time_s: wall clock of one core.
+    a_priori_bound: the upper bound that is known before truncation, twice the sum of those left out and the projection's.
+    Both bounds are infinite where the projection's error is as large as its norm. projection_error: certified, over
+    norm_N_m, 0 for the dense method; projected: degrees of freedom that were balanced, basis (d, projected) theirs or None
+    for all. norm_N_m: H-infinity norm of their strictly proper part, NORM_TOLERANCE too low at most. time_s: wall clock
+    of one core.
     """
 
     system: ContactSystem
@@ -75,12 +78,18 @@ class Reduction:
     @property
     def a_priori_bound(self) -> float:
         """Twice the sum of the singular values left out, over the norm, and the projection's error."""
-        return float(2.0 * self.hankel_N_m[self.order :].sum() / self.norm_N_m) + self.projection_error
+        return self._of_full_norm(float(2.0 * self.hankel_N_m[self.order :].sum() / self.norm_N_m))
 
     @property
     def certified_error(self) -> float:
         """An upper bound on the relative error of the strictly proper part at any frequency, over its largest response."""
-        return (self.relative_h_infinity + self.projection_error) / max(1.0 - self.projection_error, 1e-3)
+        return self._of_full_norm(self.relative_h_infinity)
+
+    def _of_full_norm(self, error: float) -> float:
+        """From an error against the projected system, over its norm, to one against the full one, over its own."""
+        if self.projection_error >= 1.0:
+            return math.inf
+        return (error + self.projection_error) / (1.0 - self.projection_error)
 
     def shapes(self) -> Array:
         """(d, order): displacements of the free nodes in each reduced state's direction, mass-normalized."""
@@ -88,7 +97,7 @@ class Reduction:
         return right if self.basis is None else np.asarray(self.basis @ right)
 
     def to_dict(self) -> dict[str, Any]:
-        """What `palpate reduce --json` prints of it."""
+        """What `palpate reduce --json` prints of it; a bound that is infinite is None."""
         return {
             "states": self.system.states,
             "order": self.order,
@@ -96,11 +105,11 @@ class Reduction:
             "hankel_singular_values_N_m": [float(value) for value in self.hankel_N_m],
             "norm_N_m": self.norm_N_m,
             "error": {
-                "certified": self.certified_error,
+                "certified": _finite(self.certified_error),
                 "relative_h_infinity": self.relative_h_infinity,
                 "next_singular_value": self.next_singular_value,
                 "tail_sum": self.tail_sum,
-                "a_priori_bound": self.a_priori_bound,
+                "a_priori_bound": _finite(self.a_priori_bound),
                 "projection": self.projection_error,
             },
             "projected_states": 2 * self.projected.size,
@@ -132,7 +141,7 @@ def reduce_system(
             error_N_m, shifts = projection.error_N_m, projection.shifts_rad_s
         balanced = balance(small)
         strictly_proper = state_space(small)
-        norm_N_m, _ = strictly_proper.h_infinity()
+        norm_N_m = strictly_proper.h_infinity()[0] / (1.0 + NORM_TOLERANCE)  # a lower bound, for it divides
         reduced = balanced.truncate(_order(balanced.hankel, norm_N_m) if order is None else order)
         missing_N_m, _ = strictly_proper.minus(reduced).h_infinity()
         time_s = time.perf_counter() - start_s
@@ -148,6 +157,10 @@ def reduce_system(
         missing_N_m / norm_N_m,
         time_s,
     )
+
+
+def _finite(bound: float) -> float | None:
+    return bound if math.isfinite(bound) else None
 
 
 def _order(hankel: Array, norm_N_m: float) -> int:
