@@ -20,7 +20,7 @@ from palpate.reproduce.results import FigureResult
 from palpate.scene import SceneError, load_scene
 from palpate.scene_overrides import parse_override
 
-NAMES = ["table1", "table2", "fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
+NAMES = ["fig4", "table1", "table2", "fig5", "fig8", "fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
 PNG = b"\x89PNG, made up"
 VOID = {"meta", "img", "br"}
 

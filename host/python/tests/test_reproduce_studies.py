@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from palpate import _core
-from palpate.reproduce import command, table1, table2
+from palpate.reproduce import command, fig4, fig5, fig8, table1, table2
 from palpate.reproduce.checks import Check
 from palpate.reproduce.figure import PaperFigure, Record, Records, Study, Table
 from palpate.reproduce.reductions import collect, collect_undamped_contact, factors
@@ -189,3 +190,161 @@ def test_table_2_fails_where_stiffness_matters() -> None:
     records = table2_records(table2.PAPER)
     records["stiffness 10"] = {**records["stiffness 10"], "hankel": np.array([1.0, 0.1001, 1e-5, 1e-9])}
     assert len(failed(table2.checks(records))) == 1
+
+
+# ---- Figure 4
+
+
+def fig4_records() -> dict[str, Record]:
+    def record(cross: float) -> dict[str, Any]:
+        full = np.full((len(fig4.FREQUENCY_Hz), 2, 2), cross, dtype=np.complex128)
+        full[:, [0, 1], [0, 1]] = 100.0 + 5.0j
+        return {"states": np.array(524), "order": np.array(20), "full": full, "reduced": full * 1.005}
+
+    return {fig4.ONE_EDGE: record(10.0), fig4.THREE_EDGES: record(1e-14)}
+
+
+def test_figure_4_passes_on_what_the_paper_describes() -> None:
+    assert failed(fig4.checks(fig4_records())) == []
+
+
+@pytest.mark.parametrize("name", [fig4.ONE_EDGE, fig4.THREE_EDGES])
+def test_figure_4_fails_where_one_response_is_more_than_1_percent_off(name: str) -> None:
+    records = fig4_records()
+    reduced = records[name]["reduced"].copy()
+    reduced[1, 1, 1] *= 1.01
+    records[name] = {**records[name], "reduced": reduced}
+    assert len(failed(fig4.checks(records))) == 1
+
+
+def test_figure_4_fails_on_a_response_across_and_on_another_order() -> None:
+    records = fig4_records()
+    reduced = records[fig4.THREE_EDGES]["reduced"].copy()
+    reduced[2, 0, 1] = 1e-9  # -180 dB
+    records[fig4.THREE_EDGES] = {**records[fig4.THREE_EDGES], "reduced": reduced, "order": np.array(18)}
+    assert len(failed(fig4.checks(records))) == 2
+
+
+# ---- Figure 5
+
+
+def fig5_record(power: float) -> Record:
+    """Components that go with this power of the distance, on a half plane of nodes, two states."""
+    i, k = np.meshgrid(np.arange(13), np.arange(1, 13), indexing="ij")
+    place = np.stack([i.ravel(), k.ravel()], axis=1)
+    place = place[(place != [6, 12]).any(axis=1)]
+    distance = np.linalg.norm(place - [6, 12], axis=1)
+    squared = distance ** (2.0 * power)
+    share = np.stack([squared, squared], axis=1) / squared.sum()
+    return {
+        "place": place,
+        "size": np.array([13, 13]),
+        "contact": np.array([6, 12]),
+        "distance": distance,
+        "share": share,
+        "left_share": share,
+        "weight": np.array([0.7, 0.3]),
+    }
+
+
+def test_figure_5_passes_on_an_inverse_square_and_fails_on_even_states() -> None:
+    for power, failures in ((-2.0, 0), (0.0, 2)):
+        records = {fig5.THREE_EDGES: fig5_record(power), fig5.ONE_EDGE: fig5_record(0.0)}
+        assert len(failed(fig5.checks(records))) == failures
+        assert fig5.exponent(records[fig5.THREE_EDGES]) == pytest.approx(power, abs=0.2)
+
+
+def test_figure_5_shares_are_those_of_the_reduction() -> None:
+    case = Study("small", "square", {"body.nodes": [7, 7]}, order=8, dense=True, collect=fig5.collect)
+    dense = study(_core, case)
+    assert dense["share"].shape == dense["left_share"].shape == (7 * 6 - 1, 8)
+    for name in ("share", "left_share"):
+        assert dense[name].sum(axis=0) == pytest.approx(np.ones(8))
+    assert dense["weight"].sum() == pytest.approx(1.0)
+    # The contact node is in the mesh's axis, so each state is the same on both sides of it.
+    mirrored = {(6 - i, k): share for (i, k), share in zip(dense["place"].tolist(), dense["share"], strict=True)}
+    for (i, k), share in zip(dense["place"].tolist(), dense["share"], strict=True):
+        assert share == pytest.approx(mirrored[i, k], abs=1e-6)
+    # A projection finds the same.
+    projected = study(_core, replace(case, dense=False, tolerance=1e-9))
+    assert projected["share"][:, :4] == pytest.approx(dense["share"][:, :4], abs=1e-5)
+    assert projected["left_share"][:, :4] == pytest.approx(dense["left_share"][:, :4], abs=1e-5)
+
+
+# ---- Figure 8
+
+
+def fig8_records(high: float = 0.05, low: float = 0.5) -> dict[str, Record]:
+    """A local model that is off by `low` below 50 Hz and by `high` above."""
+    full = np.tile(100.0 * np.eye(2, dtype=np.complex128), (len(fig8.FREQUENCY_Hz), 1, 1))
+    off = np.where(fig8.FREQUENCY_Hz < 50.0, low, high)
+    record = {
+        "states": np.array(524),
+        "projection_error": np.array(1e-10),
+        "full": full,
+        "local": full * (1.0 + off[:, None, None]),
+        "balanced": full * 1.001,
+        "spot_error": np.array([1e-9]),
+    }
+    return {
+        name: record | {"order": np.array(states), "local_states": np.array(states)}
+        for name, states in fig8.LOCAL_STATES.items()
+    }
+
+
+def test_figure_8_passes_on_what_the_paper_describes() -> None:
+    records = fig8_records()
+    assert failed(fig8.checks(records)) == []
+    for record in records.values():
+        assert fig8.close_from_Hz(record) == pytest.approx(50.0, rel=0.05)
+        assert fig8.largest_decibel(record, fig8.FREQUENCY_Hz > 10.0) == pytest.approx(20.0 * np.log10(1.5))
+    for table in fig8.tables(records):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+
+
+@pytest.mark.parametrize(
+    ("changed", "records"),
+    [
+        ({}, fig8_records(high=0.2)),
+        ({}, fig8_records(low=0.05)),
+        ({"balanced": fig8_records()[fig8.SHEET]["full"] * 1.02}, fig8_records()),
+        ({"spot_error": np.array([1e-3])}, fig8_records()),
+        ({"local_states": np.array(32)}, fig8_records()),
+    ],
+)
+def test_figure_8_fails_on_what_the_paper_denies(changed: dict[str, Any], records: dict[str, Record]) -> None:
+    records[fig8.SHEET] = {**records[fig8.SHEET], **changed}
+    assert len(failed(fig8.checks(records))) == 1
+
+
+def test_figure_8_compares_models_of_one_body() -> None:
+    case = Study("small", "square", {"body.nodes": [7, 7]}, order=28, dense=True, collect=fig8.collect)
+    record = study(_core, case)
+    assert int(record["local_states"]) == 28
+    assert record["spot_error"].max() < 1e-9
+    assert fig8.relative_error(record["balanced"], record["full"]).max() < 1e-4
+    local = fig8.relative_error(record["local"], record["full"])
+    # All springs and dampers at the contact node are in the patch, so that it is exact at high frequency.
+    assert local[0] > 0.1 > 1e-3 > local[-1]
+
+
+# ---- pictures
+
+
+def test_pictures_are_drawn(tmp_path: Path) -> None:
+    drawn: list[tuple[PaperFigure, Records]] = [
+        (fig4.FIGURE, fig4_records()),
+        (table1.FIGURE, table1_records()),
+        (table2.FIGURE, table2_records(table2.PAPER)),
+        (fig5.FIGURE, {name: {**fig5_record(-1.0), **six_states()} for name in (fig5.THREE_EDGES, fig5.ONE_EDGE)}),
+        (fig8.FIGURE, fig8_records()),
+    ]
+    for figure, records in drawn:
+        file = tmp_path / f"{figure.name}.png"
+        figure.draw(records, file)
+        assert file.read_bytes().startswith(b"\x89PNG") and file.stat().st_size > 10_000
+
+
+def six_states() -> Record:
+    share = np.repeat(fig5_record(-1.0)["share"][:, :1], 6, axis=1)
+    return {"share": share, "left_share": share, "weight": np.full(6, 1.0 / 6.0)}

@@ -156,8 +156,8 @@ FIGURE = PaperFigure(
         "the sum of the Hankel singular values left out over the sum of all. Its numbers of states have two readings: one "
         "edge of n x n nodes held, or three edges, as its text says, of n x n cells, which have n + 1 nodes a side. Both are "
         "here; the first one is nearer to the paper’s errors and is judged. Nearer still, from a "
-        "ratio of 0.7 on, are numbers that leave the dampers at the contact node out; but they belong to the force, so this is "
-        "only reported.",
+        "ratio of 0.7 on, are numbers that leave the dampers at the contact node out; but they belong to the force, so this "
+        "is only reported.",
     ),
     caption="Error of the model of 20 states against the damping ratio, in the paper and here.",
     studies=(
