@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "shared/contact/test_bed.hpp"
 
@@ -93,6 +94,53 @@ TEST(Border, ComingBackTheContactIsThatOfTheSurface) {
   EXPECT_FALSE(drag.state.at_border);
   EXPECT_EQ(drag.state.overhang_m, Vec3d{});
   EXPECT_GE(-drag.state.force_N.z, 0.0);
+}
+
+// Beyond the border the contact sticks, and draws the border along: coming back the tip has another closest
+// place on it when it slips. It goes there without a leap, and is not lost.
+TEST(Border, RandomReturnsKeepTheContact) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> share(0.0, 1.0), both(-1.0, 1.0);
+  constexpr double kFastest_m_s = 0.2;
+  int sideways = 0;
+  for (int i = 0; i < 500; ++i) {
+    const double mu = 0.7 * share(random), depth_m = 0.001 + 0.002 * share(random);
+    Bed bed({mu, mu});
+    ContactState<double> state;
+    Vec3d tip{kBorder_m - 0.006, 0.013 + 0.024 * share(random), 0.002};
+    bool lost = false;
+    double largest_jump_N = 0;
+    Vec3d before_N{};
+    const auto go = [&](const Vec3d& to, double speed_m_s) {
+      lost = false;
+      largest_jump_N = 0;
+      tip = move(bed, state, {}, tip, to, norm(to - tip) / speed_m_s, [&](const Vec3d&) {
+        lost |= state.mode == ContactMode::free;
+        largest_jump_N = std::max(largest_jump_N, norm(state.force_N - before_N));
+        before_N = state.force_N;
+      });
+    };
+    const auto settle = [&] { move(bed, state, {}, tip, tip, 0.05, kNothing); };
+    go({tip.x, tip.y, -depth_m}, 0.05);
+    settle();
+    // Not to where the plane goes down: there it would push the tip that comes back.
+    const double out_m = 0.001 + 0.0055 * share(random);
+    go({kBorder_m + out_m, tip.y + 0.008 * both(random), -depth_m}, 0.05);
+    ASSERT_FALSE(lost) << i;
+    settle();
+    before_N = state.force_N;
+    ASSERT_GT(norm(state.overhang_m), 0.0) << i;
+    sideways += std::abs(state.overhang_m.y) > 1e-4;
+    const double speed_m_s = 0.02 + (kFastest_m_s - 0.02) * share(random);
+    go({kBorder_m - 0.012, 0.025 + 0.015 * both(random), -depth_m}, speed_m_s);
+    EXPECT_FALSE(lost) << i << " friction " << mu;
+    EXPECT_EQ(state.overhang_m, Vec3d{}) << i;
+    // The contact point goes at most twice as fast as the tip, along the surface and across, and takes at
+    // most three nodes' mass with it.
+    const double largest_m_s = std::sqrt(2.0) * kOverhangChange * speed_m_s;
+    EXPECT_LE(largest_jump_N, 3.0 * largest_m_s * Bed::kMass_kg / Bed::kStep_s) << i;
+  }
+  EXPECT_GT(sideways, 5);
 }
 
 // Lost beyond the border, deep inside: under the surface again it is pushed out like one that starts there.

@@ -88,7 +88,8 @@ Crossing<Real> first_crossing(Surface& surface, const TipMotion<Real>& motion) {
 
 // Could the tip have passed the surface on its way to a place outside? Where it passes a triangle the two are
 // in one place; from there on the tip goes no further than in the whole step, and no point of the triangle
-// further than its corners: the tip ends no further from the triangle, nor from the closest one, than the sum.
+// further than its corners: the tip ends no further from the triangle, nor from the closest one, than the
+// sum.
 template <class Surface, class Real>
 bool could_have_crossed(Surface& surface, const TipMotion<Real>& motion, const SurfacePoint<Real>& end) {
   const Real left_m = end.distance_m - norm(motion.to_m - motion.from_m);

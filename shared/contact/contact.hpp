@@ -31,6 +31,10 @@ inline constexpr double kPushOut_N = 1.0;
 inline constexpr double kLevelOverhang = 0.5;
 inline constexpr double kLargestOverhang = 2.0;
 
+// How fast the part beyond the border may change, of the tip's motion: along the border it changes as fast as
+// the tip moves; twice, for the border's own motion.
+inline constexpr double kOverhangChange = 2.0;
+
 namespace contact_detail {
 
 template <class Surface, class Real>
@@ -61,13 +65,31 @@ void release(ContactState<Real>& state, bool outside) {
   state.outside = outside;
 }
 
-// The contact point goes to where the tip is, but for stretch and inset.
+// The contact point goes to where the tip is, but for stretch and inset. `moved_m`: of the tip in this step.
+// A contact that has stuck beyond the border, or begun askew inside, may not be at the surface's closest
+// place: over a smooth surface it goes there as the tip moves, for a leap would be felt. Flat triangles are
+// left with a blow at any edge.
 template <class Surface, class Real>
-void follow(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
-  const Vec3<Real> short_m = slide(surface, state, tip - state.stretch_m + state.normal * state.inset_m);
-  state.overhang_m = {};
-  if (!state.at_border) return;
-  state.overhang_m = tangential(short_m, state.normal);
+void follow(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip, Real moved_m) {
+  const Vec3<Real> aim = tip - state.stretch_m + state.normal * state.inset_m;
+  const auto triangle = state.triangle;
+  const Vec3<Real> barycentric = state.barycentric, before = state.overhang_m;
+  const Real height_m = state.height_m;
+  const auto go_to = [&](const Vec3<Real>& place) {
+    const Vec3<Real> short_m = slide(surface, state, place);
+    return state.at_border ? tangential(short_m, state.normal) : Vec3<Real>{};
+  };
+  state.overhang_m = go_to(aim);
+  const Vec3<Real> change = state.overhang_m - before;
+  const Real most = static_cast<Real>(kOverhangChange) * moved_m, wanted = norm(change);
+  if (wanted > most && surface.kind() == SurfaceKind::smooth) {
+    const Vec3<Real> kept = before + change * (most / wanted);
+    state.triangle = triangle;
+    state.barycentric = barycentric;
+    state.height_m = height_m;
+    state.overhang_m = kept + go_to(aim - kept);
+  }
+  if (state.overhang_m == Vec3<Real>{}) return;
   if (norm(state.overhang_m) >
       static_cast<Real>(kLargestOverhang) * longest_edge_m<Surface, Real>(surface, state.triangle))
     release(state, false);
@@ -124,11 +146,20 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
                          surface.friction(state.triangle), previous);
   };
 
+  const Real moved_m = norm(to - from);
+  const bool beyond_border = state.at_border || !(state.inset_m > 0 || state.overhang_m == Vec3<Real>{});
+  const Real swung_m = dot(normal, state.overhang_m);
+  const Vec3<Real> overhang = state.overhang_m - normal * swung_m;
+  if (beyond_border && surface.kind() == SurfaceKind::smooth && !(state.inset_m > 0)) {
+    // The normal has turned under a tip that is far from the contact point. The plane does not swing with it:
+    // what it would rise or sink at the tip is height.
+    state.height_m += swung_m;
+    state.overhang_m = overhang;
+  }
   const Vec3<Real> target =
       to + (to - from) * Surface::kTargetExtrapolation - normal * (law.tip_radius_m + state.height_m);
-  const Vec3<Real> overhang = detail::tangential(state.overhang_m, normal);
   Vec3<Real> gap = target - overhang + normal * state.inset_m - response.free_m;
-  if (state.at_border)
+  if (beyond_border)
     gap += normal *
            detail::fall_m(norm(overhang), detail::longest_edge_m<Surface, Real>(surface, state.triangle));
   auto solution = solve_for(gap);
@@ -150,21 +181,21 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
       // Passed aslant close to an edge, the surface may lie behind the tip and the plane of the place that
       // was hit in front of it: the contact goes to where the tip is now, and presses from the next step on.
       state.mode = ContactMode::slip;
-      detail::follow(surface, state, to);
+      detail::follow(surface, state, to, moved_m);
     } else if (gap_n >= 0 && gap_n < state.inset_m) {
       // The tip has gone outward by itself, and is still inside: it need not be pushed that far any more.
       state.mode = ContactMode::slip;
       state.stretch_m = {};
       state.inset_m -= gap_n;
-      detail::follow(surface, state, to);
+      detail::follow(surface, state, to, moved_m);
     } else if (coupling.yields() && gap_n < 0) {
       // A damper may lose its hold while the tip is still behind the surface: it stays in contact, without
       // force.
       state.mode = ContactMode::slip;
       state.stretch_m = normal * gap_n;
-      detail::follow(surface, state, to);
+      detail::follow(surface, state, to, moved_m);
     } else {
-      detail::release(state, !state.at_border);
+      detail::release(state, !beyond_border);
     }
     return;
   }
@@ -173,7 +204,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   surface.apply(state.triangle, state.barycentric, solution.force_N);
   // The skin's stretch stays, too: without it friction would be let go in each slip.
   if (solution.mode == ContactMode::slip)
-    detail::follow(surface, state, to - solution.force_N * response.skin_m_N);
+    detail::follow(surface, state, to - solution.force_N * response.skin_m_N, moved_m);
 }
 
 }  // namespace palpate

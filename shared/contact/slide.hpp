@@ -38,18 +38,24 @@ Vec3<Real> walk(Surface& surface, std::uint32_t& triangle, Vec3<Real>& barycentr
   for (std::uint32_t moves = 0; moves < count; ++moves) {
     const std::uint32_t here = triangle;
     const Vec3<Real> weight = best.barycentric;
-    std::uint32_t node = corner_of(weight);
-    auto around = static_cast<std::int32_t>(here);
-    for (int i = 0; node < 3 && i < kMaxTrianglesAround; ++i) {
-      around = next_around(surface, static_cast<std::uint32_t>(around), node);
-      if (around == kNoTriangle || around == static_cast<std::int32_t>(here)) break;
-      look_at(static_cast<std::uint32_t>(around), false);
-    }
-    // Over the edge; beside a node at the border, over both edges: the way around it may be cut there.
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      if (weight[c] != 0 || (node < 3 && around != kNoTriangle)) continue;
-      const std::int32_t across = surface.neighbour(here, c);
-      if (across != kNoTriangle) look_at(static_cast<std::uint32_t>(across), false);
+    const std::uint32_t node = corner_of(weight);
+    if (node == 3) {  // over the edge, if it lies on one
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        const std::int32_t across = weight[c] != 0 ? kNoTriangle : surface.neighbour(here, c);
+        if (across != kNoTriangle) look_at(static_cast<std::uint32_t>(across), false);
+      }
+    } else {  // around the node; where the border cuts that short, the other way, too
+      std::int32_t around = 0;
+      for (const bool forward : {true, false}) {
+        std::uint32_t corner = node;
+        around = static_cast<std::int32_t>(here);
+        for (int i = 0; i < kMaxTrianglesAround; ++i) {
+          around = next_around(surface, static_cast<std::uint32_t>(around), corner, forward);
+          if (around == kNoTriangle || around == static_cast<std::int32_t>(here)) break;
+          look_at(static_cast<std::uint32_t>(around), false);
+        }
+        if (around != kNoTriangle) break;
+      }
     }
     if (triangle == here) break;
   }
@@ -69,7 +75,7 @@ template <class Surface, class Real>
 Vec3<Real> lean(Surface& surface, ContactState<Real>& state, const Vec3<Real>& normal,
                 const Vec3<Real>& motion) {
   state.lean = 0;
-  if (!(state.height_m < 0) || state.at_border) return normal;
+  if (!(state.height_m < 0) || state.at_border || !(state.overhang_m == Vec3<Real>{})) return normal;
   const Vec3<Real> along = motion - normal * dot(normal, motion);
   const Real way = norm(along);
   if (!(way > 0)) return normal;

@@ -138,6 +138,31 @@ TEST(SlideWay, PassesOverAnyNumberOfEdgesInAStep) {
   }
 }
 
+// From a node of the border, whichever of its triangles the contact point was in, along each of its edges.
+TEST(SlideWay, LeavesANodeOfTheBorderAllWaysRound) {
+  const Paraboloid surface(0.0, SurfaceKind::flat);
+  for (const std::uint32_t node : {3u, 3u + 7u * kSide, 3u * kSide, 3u * kSide + 7u}) {
+    std::vector<std::uint32_t> around;
+    for (std::uint32_t t = 0; t < surface.triangle_count(); ++t)
+      for (const std::uint32_t corner : surface.corners(t))
+        if (corner == node) around.push_back(t);
+    ASSERT_EQ(around.size(), 3u);
+    for (const std::uint32_t from : around)
+      for (const std::uint32_t to : around)
+        for (const std::uint32_t along : surface.corners(to)) {
+          ContactState<double> state;
+          state.triangle = from;
+          const auto corner = surface.corners(from);
+          for (std::size_t c = 0; c < 3; ++c) state.barycentric[c] = corner[c] == node ? 1.0 : 0.0;
+          state.normal = {0.0, 0.0, 1.0};
+          const Vec3d start_m = surface.position(node);
+          const Vec3d target_m = start_m + (surface.position(along) - start_m) * 0.1;
+          contact_detail::slide(surface, state, target_m);
+          EXPECT_LE(norm(surface.point(state) - target_m), 1e-12) << node << " " << from << " " << along;
+        }
+  }
+}
+
 // The tip comes back from just above the place that it has left, above or below the triangles.
 class Return : public ::testing::TestWithParam<double> {
  protected:

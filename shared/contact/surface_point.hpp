@@ -50,12 +50,13 @@ std::array<Vec3<Real>, 3> corners_at(Surface& surface, std::uint32_t triangle, R
   return x;
 }
 
-// The triangle that comes next around corner `c` of a triangle, and the number of that node there.
-// kNoTriangle: the border comes next.
+// The triangle that comes next around corner `c` of a triangle, and the number of that node there; forward:
+// clockwise. kNoTriangle: the border comes next.
 template <class Surface>
-std::int32_t next_around(const Surface& surface, std::uint32_t triangle, std::uint32_t& c) {
+std::int32_t next_around(const Surface& surface, std::uint32_t triangle, std::uint32_t& c,
+                         bool forward = true) {
   const std::uint32_t node = surface.corners(triangle)[c];
-  const std::int32_t next = surface.neighbour(triangle, (c + 1) % 3);
+  const std::int32_t next = surface.neighbour(triangle, (c + (forward ? 1u : 2u)) % 3);
   if (next == kNoTriangle) return next;
   const auto corner = surface.corners(static_cast<std::uint32_t>(next));
   c = corner[0] == node ? 0u : corner[1] == node ? 1u : 2u;
