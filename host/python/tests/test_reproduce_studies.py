@@ -122,7 +122,10 @@ def test_table_1_passes_on_the_papers_numbers() -> None:
     assert failed(table1.checks(records)) == []
     for table in table1.tables(records):
         assert all(len(row) == len(table.columns) for row in table.rows)
-        assert [row[3] for row in table.rows] == [row[2] for rows in table1.PAPER.values() for row in rows.values()]
+    errors, times, closed = table1.tables(records)
+    paper = [row for rows in table1.PAPER.values() for row in rows.values()]
+    assert [row[3] for row in errors.rows] == [row[3] for row in closed.rows] == [error for _, _, error in paper]
+    assert [row[2:4] for row in times.rows] == [(states, seconds) for states, seconds, _ in paper]
 
 
 @pytest.mark.parametrize("factor", [5.2, 1 / 5.2])

@@ -29,7 +29,7 @@ DEFINITIONS = {
     "next_singular_value": "next singular value over the largest",
     "tail_sum": "sum of the singular values left out over the sum of all",
 }
-COLUMNS = ("H∞ norm [%]", "next singular value [%]", "tail sum [%]")
+COLUMNS = ("H∞ norm [%]", "next value [%]", "tail sum [%]")
 NEAREST = "tail_sum"
 # The issue's: half an order of magnitude to both sides, and a little.
 LARGEST_FACTOR = 5.0
