@@ -48,11 +48,13 @@ AROUND_CHANGE = range(-2, 4)  # ticks that a change of model is given
 
 
 def measure(surface: str, friction: float) -> dict[str, float]:
+    """Of one run; or that the board has stopped it."""
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder, "edges.toml")
         scene.write_text(SCENE.format(surface=surface, friction=friction))
         command = [sys.executable, "-m", "palpate", "run", str(scene), "--out", folder]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        if subprocess.run(command, stdout=subprocess.DEVNULL, check=False).returncode != 0:
+            return {"stopped": True}  # why stands on the standard error output
         error_percent = json.loads(Path(folder, "summary.json").read_text())["rms_force_error_percent"]
         with h5py.File(Path(folder, "record.h5")) as record:
             ticks = record["ticks"]

@@ -12,6 +12,7 @@
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/contact_surface.hpp"
 #include "shared/contact/coulomb.hpp"
+#include "shared/contact/fold.hpp"
 #include "shared/contact/slide.hpp"
 #include "shared/contact/surface_point.hpp"
 #include "shared/math/linear.hpp"
@@ -162,7 +163,15 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   if (beyond_border)
     gap += normal *
            detail::fall_m(norm(overhang), detail::longest_edge_m<Surface, Real>(surface, state.triangle));
-  auto solution = solve_for(gap);
+  ContactForce<Real> solution{};
+  if (surface.kind() == SurfaceKind::flat && !beyond_border && !(state.inset_m > 0)) {
+    const auto fold = detail::solve_in_fold(surface, state.triangle, state.barycentric, law.tip_radius_m,
+                                            gap - state.stretch_m * coupling.memory, compliance, previous);
+    solution = fold.contact;
+    state.normal = fold.normal;
+  } else {
+    solution = solve_for(gap);
+  }
   if (state.inset_m > 0) {
     const Real drawn_m =
         std::min(state.inset_m, static_cast<Real>(kPushOut_m_s) * static_cast<Real>(surface.step_s()));

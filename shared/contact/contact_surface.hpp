@@ -56,8 +56,8 @@ concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename
   {s.note_clearance(radius)};
   // Could triangle `i` be within reach of the same motion? May say yes too often.
   { s.may_touch(i, v, v, radius) } -> std::same_as<bool>;
-  // Readies `normal_before` and `position_before` of a triangle for the step to come; nearness does so for
-  // all where it says `near`.
+  // Readies `normal_before` and `position_before` of a triangle for the step to come, where the surface is
+  // flat also of all that share a node with it; nearness does so for all where it says `near`.
   {s.prepare(i)};
   // Node positions at the end and at the start of the newest step.
   { s.position(i) } -> std::same_as<Vec3<typename S::Real>>;

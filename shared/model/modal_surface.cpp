@@ -166,7 +166,7 @@ bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const
 void ModalSurface::prepare(std::uint32_t triangle) {
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
-    if (model_.surface == SurfaceKind::flat || normal_is_fresh(node, step_ + 1)) continue;
+    if (model_.surface != SurfaceKind::flat && normal_is_fresh(node, step_ + 1)) continue;
     for (std::uint32_t k = 0; k < triangle_count_of_[node]; ++k)
       for (const std::uint32_t around : corners(triangles_of_[node][k])) (void)position(around);
   }
