@@ -110,10 +110,16 @@ def test_a_projection_that_says_nothing_has_no_bound(tmp_path: Path, monkeypatch
     assert printed["certified"] is printed["a_priori_bound"] is None
 
 
+@pytest.mark.parametrize("complex_factors", [True, False], ids=["factors", "iterations"])
 @pytest.mark.parametrize(
     "lines", [sheet(12), sheet(10, 0.1), sheet(8, 0.02), block(5), sheet(9) + '\nneighbours = "edge"']
 )
-def test_projection(tmp_path: Path, lines: str) -> None:
+def test_projection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: str, complex_factors: bool
+) -> None:
+    """Without complex factors as large bodies are projected."""
+    if not complex_factors:
+        monkeypatch.setattr("palpate.reduce.projection._LARGEST_COMPLEX_FACTOR", 0)
     body = scene_body(tmp_path, lines)
     system = contact_system(body, middle_of_top(body))
     told: list[tuple[int, int]] = []

@@ -1,8 +1,14 @@
 """Rational Krylov projection of a large body, with an error that is certified.
 
 Galerkin's method on the free nodes' displacements: x = V y, V orthonormal, so that the small system is symmetric and
-stable like the large one. V spans the full model's answers (s^2 + s B + K)^-1 (F_0 + s F_1) at some complex frequencies s,
-and the first two terms of its answer at infinite frequency. What the small model misses is, with F(s) = F_0 + s F_1 and the residual
+stable like the large one. V spans
+- the first two terms of the full model's answer (s^2 + s B + K)^-1 (F_0 + s F_1) at infinite frequency;
+- its answers at a few real s and their derivatives by s: all from one real factorization for each s;
+- greedily, at the imaginary s where the residual below, sampled, is worst, the answer itself; or, where a complex
+  factorization would be dear, a few steps of iteration from the small model's answer towards it, with the real
+  factorization at |s| in its place. Real s alone do not do: their answers differ by rounding only, long before the
+  body's ringing is known from them.
+What the small model misses is, with F(s) = F_0 + s F_1 and the residual
 r(s) = F(s) - (s^2 + s B + K) V y(s),
 
     f(s) - f_small(s) = -r(s)^T (s^2 + s B + K)^-1 r(s),
@@ -14,7 +20,7 @@ every w, so that
     |f - f_small| <= max_w |r(i w)|_2^2 / gap,      gap = damped w*,  w*^2 + damped w* = slowest.
 
 r is a transfer function of the small model's states: its H-infinity norm is computed, not sampled. The bound holds for
-every w but for rounding. The frequencies are chosen greedily where the residual, sampled, is worst. Source of greedy
+every w but for rounding. Measurements: docs/decisions/reduction.md. Source of greedy
 rational Krylov: Druskin and Simoncini (2011), Systems & Control Letters 60; of the error's form: Panzer, Wolf and Lohmann
 (2013), European Control Conference.
 """
@@ -36,18 +42,17 @@ Array = NDArray[np.float64]
 # Told of progress: (decades of error gained, decades to gain).
 Progress = Callable[[int, int], object]
 
-# Real frequencies to begin with, spread over the body's own.
-_FIRST_SHIFTS = 8
+# Real frequencies to begin with, spread over the body's own, and terms of the answer's series about each.
+_FIRST_SHIFTS = 4
+_TERMS = 5
 # Frequencies added at once, where the residual has its highest separate peaks.
 _SHIFTS_PER_ROUND = 4
 # Samples of the residual, over the body's own frequencies and a decade to both sides.
 _SAMPLES = 160
-# A motion at w with less than this damping ratio rings: only a frequency on the imaginary axis catches it. Complex factors
-# cost about ten times the real ones, and are left out for bodies with more degrees of freedom than the limit.
-_RINGING_RATIO = 0.7
-_LARGEST_COMPLEX_FACTOR = 6000
-# Real frequencies closer than this, as a logarithm, give nearly the same answer.
-_NEAR = 0.2
+# Stiffness matrices with more entries than this have no complex factors: of a 12 x 12 x 12 block one takes ten times as
+# long as a real one. Iterations towards an answer in its place.
+_LARGEST_COMPLEX_FACTOR = 120_000
+_ITERATIONS = 3
 # Part of a direction that must be new for it to count.
 _NEW = 1e-12
 
@@ -77,15 +82,11 @@ def project(
     solver = _Solver(system)
     basis = _extend(np.zeros((system.size, 0)), _at_infinity(system))
     slowest, fastest = np.sqrt(system.slowest_1_s2), np.sqrt(system.fastest_1_s2)
-    shifts = [complex(s) for s in np.geomspace(0.5 * slowest, 2.0 * fastest, _FIRST_SHIFTS)]
-    used: list[complex] = []
-    aim, first = tolerance, 0.0
+    used = [complex(s) for s in np.geomspace(0.5 * slowest, 2.0 * fastest, _FIRST_SHIFTS)]
+    for shift in used:
+        basis = _extend(basis, solver.series(shift.real))[:, :largest]
+    aim, first, before = tolerance, 0.0, 0
     while True:
-        before = basis.shape[1]
-        for shift in shifts:
-            if basis.shape[1] < largest:
-                basis = _extend(basis, solver.answer(shift))[:, :largest]
-                used.append(shift)
         small, residual = _residual(system, basis)
         frequency_rad_s = _sample_frequencies(system, residual)
         response, missing = _sample(small, residual, frequency_rad_s)
@@ -95,21 +96,28 @@ def project(
         first = first or error
         _tell(progress, first, error, tolerance)
         ended = basis.shape[1] >= min(largest, system.size) or basis.shape[1] == before
-        shifts = [solver.choose(w) for w in _peaks(frequency_rad_s, sampled)]
+        peaks = _peaks(frequency_rad_s, sampled)
         if error <= aim or ended:
             worst, worst_rad_s = residual.h_infinity()
             bound = worst**2 / _least_gap(system)
             if bound <= tolerance * largest_response or ended:
                 return Projection(basis, small, bound, tuple(used))
             # Either the samples missed a narrow peak, or the bound's gap is less than that at the worst frequency.
-            shifts.append(solver.choose(worst_rad_s))
+            peaks.append(worst_rad_s)
             aim = min(aim, 0.1 * error)
+        before = basis.shape[1]
+        known = basis
+        for peak in peaks:
+            w = float(np.clip(peak, 0.1 * slowest, 10.0 * fastest))
+            basis = _extend(basis, solver.towards(w, known, small))[:, :largest]
+            used.append(complex(0.0, w))
 
 
 def _tell(progress: Progress, first: float, error: float, tolerance: float) -> None:
     """Progress in tenths of decades of the error."""
-    total = np.log10(max(first, 10.0 * tolerance) / tolerance)
-    gained = np.log10(first / max(error, np.finfo(float).tiny))
+    start = max(first, 10.0 * tolerance)
+    total = np.log10(start / tolerance)
+    gained = np.log10(start / max(error, np.finfo(float).tiny))
     progress(int(np.clip(10 * gained, 0, 10 * total)), int(10 * total))
 
 
@@ -138,41 +146,62 @@ def _at_infinity(system: ContactSystem) -> Array:
 
 
 class _Solver:
-    """Answers of the full model at a complex frequency: real ones by sparse Cholesky, others by sparse LU."""
+    """Answers of the full model."""
 
     def __init__(self, system: ContactSystem) -> None:
         self._system = system
-        self._range_rad_s = 0.1 * np.sqrt(system.slowest_1_s2), 10.0 * np.sqrt(system.fastest_1_s2)
-        self._real: list[float] = []
         self._cholesky = ShiftedCholesky(system.stiffness_1_s2, system.damping_1_s)
+        self._has_complex_factors = system.stiffness_1_s2.nnz <= _LARGEST_COMPLEX_FACTOR
 
-    def choose(self, frequency_rad_s: float) -> complex:
-        """The frequency at which the full model's answer mends a residual at this one: the real one where it is new and
-        motion does not ring, the imaginary one otherwise."""
+    def series(self, s: float) -> Array:
+        """(d, terms m), columns of length 1: the answer x at a real s in rad/s, x', x'' / 2 and so on, term by term from
+        (s^2 + s B + K) x = F_0 + s F_1."""
         system = self._system
-        w = float(np.clip(frequency_rad_s, *self._range_rad_s))
-        new = all(abs(np.log(w / real)) > _NEAR for real in self._real)
-        ratio = 0.5 * w * system.damped_1_s / system.slowest_1_s2
-        if (new and ratio >= _RINGING_RATIO) or system.size > _LARGEST_COMPLEX_FACTOR:
-            self._real.append(w)
-            return complex(w)
-        return complex(0.0, w)
+        solve = self._cholesky.factor(1.0, s, s * s)
+        terms = [solve(system.forcing(s))]
+        for number in range(1, _TERMS):
+            right = system.input_damping if number == 1 else -terms[-2]
+            terms.append(solve(right - 2.0 * s * terms[-1] - system.damping_1_s @ terms[-1]))
+        return _unit(np.hstack(terms))
 
-    def answer(self, s: complex) -> Array:
-        """(d, m), or (d, 2 m) with real and imaginary parts, each column of length 1."""
-        system = self._system
-        if s.imag == 0.0:
-            found = self._cholesky.factor(1.0, s.real, s.real**2)(system.forcing(s.real))
-        else:
-            identity = scipy.sparse.eye_array(system.size, format="csc")
-            matrix = (system.stiffness_1_s2 + s * system.damping_1_s + s * s * identity).tocsc()
-            # The matrix is symmetric, and its real part or its imaginary part definite: pivots on the diagonal do.
-            factor = scipy.sparse.linalg.splu(
-                matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
-            complex_answer = factor.solve(system.forcing(s).astype(np.complex128))
-            found = np.hstack([complex_answer.real, complex_answer.imag])
-        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=0), np.finfo(float).tiny))
+    def towards(self, w: float, basis: Array, small: SecondOrder) -> Array:
+        """(d, columns) of length 1: what leads from the small model's answer at i w to the full model's."""
+        return self._answer(w) if self._has_complex_factors else self._iterate(w, basis, small)
+
+    def _answer(self, w: float) -> Array:
+        """(d, 2 m): real and imaginary parts, by sparse LU."""
+        system, s = self._system, 1j * w
+        identity = scipy.sparse.eye_array(system.size, format="csc")
+        matrix = (system.stiffness_1_s2 + s * system.damping_1_s + s * s * identity).tocsc()
+        # The matrix is symmetric, and its real part or its imaginary part definite: pivots on the diagonal do.
+        factor = scipy.sparse.linalg.splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        found = factor.solve(system.forcing(s).astype(np.complex128))
+        return _unit(np.hstack([found.real, found.imag]))
+
+    def _iterate(self, w: float, basis: Array, small: SecondOrder) -> Array:
+        """(d, 2 m iterations): a Krylov space of the full model at i w, preconditioned by its Cholesky factor at w, from
+        the small model's residual on."""
+        system, s = self._system, 1j * w
+        solve = self._cholesky.factor(1.0, w, w * w)
+
+        def full(x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+            return np.asarray(system.stiffness_1_s2 @ x + s * (system.damping_1_s @ x) + s * s * x)
+
+        matrix = small.stiffness_1_s2 + s * small.damping_1_s + s * s * np.eye(small.size)
+        right = system.forcing(s) - full(basis @ np.linalg.solve(matrix, small.forcing(s)))
+        found = []
+        for _ in range(_ITERATIONS):
+            parts = solve(np.hstack([right.real, right.imag]))
+            found.append(_unit(parts))
+            real, imaginary = np.hsplit(parts / np.linalg.norm(parts), 2)
+            right = full(real + 1j * imaginary)
+        return np.hstack(found)
+
+
+def _unit(columns: Array) -> Array:
+    return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))
 
 
 def _extend(basis: Array, columns: Array) -> Array:
