@@ -212,12 +212,12 @@ FIGURE = PaperFigure(
         ),
     ),
     setting=(
-        "The 20 states of the sheet at a damping ratio of 1, spread over the mesh: for each one the displacements of the "
-        "nodes that it stands for. A node’s share is its part of their squares. Where states are put together, each counts by its "
-        "Hankel singular value. The triangle is the contact node; nodes that are held are grey.",
-        "Two meshes have the paper’s 524 states (see Table 2). The one with three edges held, as in the paper’s text, "
-        "is judged. With one edge held the states are not local by the same measure: the sheet’s free sides swing. Its tolerances "
-        "were set for both before measuring; this one fails them and is only reported.",
+        "The 20 states of the sheet at a damping ratio of 1, spread over the mesh: for each one the displacements of "
+        "the nodes that it stands for. A node’s share is its part of their squares. Where states are put together, each counts by "
+        "its Hankel singular value. The triangle is the contact node; nodes that are held are grey.",
+        "Two meshes have the paper’s 524 states (see Table 2). The one with three edges held, as in the paper’s "
+        "text, is judged. With one edge held the states are not local by the same measure: the sheet’s free sides swing. Its "
+        "tolerances were set for both before measuring; this one fails them and is only reported.",
         "That states are near the contact does not say that a local model will do: see docs/reduction.md, and Figure 8.",
     ),
     caption="Magnitude of the first six states (three edges held) and of all states on the mesh, and its decay with distance.",

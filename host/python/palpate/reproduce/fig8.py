@@ -238,8 +238,8 @@ FIGURE = PaperFigure(
         "The sheet is Table 2’s, in both readings; the block has 12 x 12 x 12 nodes, two adjacent faces held. The block’s "
         "balanced model has fewer states than the local one: the others’ singular values are rounding. The shade is the "
         "paper’s range of 10–1000 Hz.",
-        "Judged are the high frequencies, the offset at low ones, and the balanced model. That the local model is close in all "
-        "of 10–1000 Hz does not hold here: below some 90 Hz in the sheets and 56 Hz in the block it is off by more than a "
+        "Judged are the high frequencies, the offset at low ones, and the balanced model. That the local model is close in "
+        "all of 10–1000 Hz does not hold here: below some 90 Hz in the sheets and 56 Hz in the block it is off by more than a "
         "tenth, at 10 Hz by a third and more. The paper may have had another stiffness, which it does not state.",
     ),
     caption="Normal and tangential response of the full, the balanced and the local model, and what the latter two miss.",

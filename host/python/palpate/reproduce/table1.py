@@ -119,8 +119,8 @@ def checks(records: Records) -> list[Check]:
             "3.89e-6 %",
             float(factors([float(row(5)[NEAREST])], [PAPER_2D[5][2]])[0]),
             "",
-            "reported only: the mesh is only four cells deep, so what is held at its edges decides; the two readings of it are "
-            f"a factor of {float(row(5)[NEAREST] / row(5, 'closed')[NEAREST]):.0f} apart",
+            "reported only: the mesh is only four cells deep, so what is held at its edges decides; the two readings of it "
+            f"are a factor of {float(row(5)[NEAREST] / row(5, 'closed')[NEAREST]):.0f} apart",
         ),
         Check(
             "largest error of the 3D rows, relative H-infinity norm",
