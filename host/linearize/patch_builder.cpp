@@ -5,20 +5,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "host/linearize/modal_coefficients.hpp"
 #include "host/linearize/modal_reduction.hpp"
 #include "host/msd/forces.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
-namespace {
-
-int surface_limit(const LocalModelCapacity& capacity, Eigen::Index modes) {
-  if (modes == 0) return capacity.surface_nodes;
-  return std::min(capacity.surface_nodes, capacity.basis / (3 * static_cast<int>(modes)));
-}
-
-}  // namespace
 
 LocalModel build_subset_model(const Body& body, const BodyState& state, const std::vector<int>& nodes,
                               const SurfacePoint& contact, double step_s, const LocalModelCapacity& capacity,
@@ -33,13 +24,11 @@ LocalModel build_subset_model(const Body& body, const BodyState& state, const st
   const ModalBasis modes = reduce_to_modes(-tangent.df_dx_N_m, -tangent.df_dv_N_s_m, tangent.mass_kg);
 
   LocalModel model;
-  model.step_s = step_s;
   model.lambda_rad2_s2 = modes.lambda_rad2_s2;
   model.damping_rad_s = modes.damping_rad_s;
   model.damping_coupling = modes.damping_coupling;
   model.stiffness_asymmetry = modes.stiffness_asymmetry;
-  for (Eigen::Index m = 0; m < dofs; ++m)
-    model.coefficient.push_back(modal_coefficients(modes.lambda_rad2_s2[m], modes.damping_rad_s[m], step_s));
+  set_step(model, step_s);
 
   Eigen::VectorXd force_N(dofs);
   Eigen::VectorXd momentum_kg_m_s(dofs);
@@ -58,27 +47,8 @@ LocalModel build_subset_model(const Body& body, const BodyState& state, const st
   model.p = modes.basis_1_sqrt_kg.transpose() * momentum_kg_m_s;
   model.load = modes.basis_1_sqrt_kg.transpose() * force_N + model.damping_rad_s.cwiseProduct(model.p);
 
-  SubsetSurface surface = subset_surface(body, nodes, contact, surface_limit(capacity, dofs));
-  const auto surface_nodes = static_cast<Eigen::Index>(surface.node.size());
-  model.position_m.resize(3, surface_nodes);
-  model.basis = Eigen::MatrixXd::Zero(3 * surface_nodes, dofs);
-  for (Eigen::Index n = 0; n < surface_nodes; ++n)
-    model.position_m.col(n) = state.position_m.col(surface.node[static_cast<std::size_t>(n)]);
-  for (Eigen::Index d = 0; d < dofs; ++d) {
-    const auto found =
-        std::lower_bound(surface.node.begin(), surface.node.end(), tangent.node[static_cast<std::size_t>(d)]);
-    if (found == surface.node.end() || *found != tangent.node[static_cast<std::size_t>(d)]) continue;
-    const auto row = 3 * (found - surface.node.begin()) + tangent.axis[static_cast<std::size_t>(d)];
-    model.basis.row(row) = modes.basis_1_sqrt_kg.row(d);
-  }
-  model.dof_node = tangent.node;
-  model.dof_axis = tangent.axis;
-  model.dof_basis = modes.basis_1_sqrt_kg;
-  model.origin_m = model.position_m.rowwise().mean();
-  model.position_m.colwise() -= model.origin_m;
-  model.node = std::move(surface.node);
-  model.triangle = std::move(surface.triangle);
-  model.corner = std::move(surface.corner);
+  set_surface(model, state, subset_surface(body, nodes, contact, surface_limit(capacity, dofs)), tangent.node,
+              tangent.axis, modes.basis_1_sqrt_kg);
   return model;
 }
 

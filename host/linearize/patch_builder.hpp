@@ -15,19 +15,12 @@
 #pragma once
 
 #include "host/linearize/local_model.hpp"
+#include "host/linearize/model_surface.hpp"
 #include "host/linearize/patch_selection.hpp"
 #include "host/msd/body.hpp"
 #include "host/msd/surface_point.hpp"
-#include "shared/model/local_model.hpp"
 
 namespace palpate::host {
-
-// What a local model may hold; by default what the board's runtime can (shared/model).
-struct LocalModelCapacity {
-  int modes = static_cast<int>(kMaxModes);
-  int surface_nodes = static_cast<int>(kMaxSurfaceNodes);
-  int basis = static_cast<int>(kMaxBasis);  // 3 x surface nodes x modes
-};
 
 // Linear model of any set of nodes, others held. The surface is cut to the capacity around the contact
 // (subset_surface); more modes than the capacity throw std::invalid_argument. `held`: nodes, ascending, that

@@ -13,7 +13,8 @@ Session::Session(const Body& body, BodyState start, const SessionConfig& config)
     : body_(body),
       config_(config),
       surface_(body, std::move(start), config.step_s, config.surface, config.drives, config.friction),
-      feedback_(make_feedback(config.feedback, config.law)) {
+      feedback_(make_feedback(config.feedback, config.law)),
+      builder_(make_builder(body, config.model, kTick_s)) {
   (void)steps_per_tick(config.step_s);
 }
 
@@ -87,8 +88,7 @@ ModelUpdate Session::begin_update() {
 }
 
 std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
-  const LocalModel model =
-      build_patch(body_, surface_.state(), focus, config_.patch, kTick_s, {}, surface_.drives().upcoming());
+  const LocalModel model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
   ModelUpdate update = begin_update();
   pack_model(model, {sequence_, tick_, config_.valid_ticks, config_.tip, feedback_->kind()}, config_.law,

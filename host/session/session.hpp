@@ -12,7 +12,7 @@
 #include <optional>
 #include <vector>
 
-#include "host/linearize/patch_builder.hpp"
+#include "host/linearize/model_builder.hpp"
 #include "host/session/body_surface.hpp"
 #include "host/session/feedback.hpp"
 #include "host/session/tip_history.hpp"
@@ -28,7 +28,7 @@ struct SessionConfig {
   FrictionSpec friction{};
   double step_s = 1e-4;     // of the full body; divides the servo tick
   double update_Hz = 30.0;  // of local models, in virtual time
-  PatchSize patch{};
+  BuilderConfig model{};
   std::uint16_t valid_ticks = 200;
   std::vector<NodeDrive> drives;  // times count from the first tick that is heard of
   // No model is built while the tip is further from the surface than this. 2 cm: a hand at 0.25 m/s
@@ -47,7 +47,7 @@ struct ModelUpdate {
 
 class Session {
  public:
-  // The body must outlive the session. Throws std::invalid_argument as BodySurface and select_patch do.
+  // The body must outlive the session. Throws std::invalid_argument as BodySurface and make_builder do.
   Session(const Body& body, BodyState start, const SessionConfig& config);
 
   // Samples from the board, in any order.
@@ -86,6 +86,7 @@ class Session {
   SessionConfig config_;
   BodySurface surface_;
   std::unique_ptr<FeedbackScheme> feedback_;
+  std::unique_ptr<ModelBuilder> builder_;
   ContactState<double> contact_{};
   TipHistory path_;
   bool started_ = false;

@@ -20,6 +20,7 @@ from palpate.scene_sections import (
 
 # Capacity of a local model (kMaxFrictions in shared/model).
 MAX_FRICTIONS = 4
+MAX_MODES = 192  # of a local model on the board (shared/model/local_model.hpp)
 MAX_PATCH_NODES = 64
 # 1.2 GB of positions and velocities in memory and in the record.
 MAX_EXPORTED_NODES = 25_000_000
@@ -278,6 +279,28 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
     patch = scene.model.patch_nodes
     if math.prod(patch) > MAX_PATCH_NODES:
         raise reader.error("model.patch_nodes", list(patch), f"at most {MAX_PATCH_NODES} nodes in all")
+    if scene.model.builder != "krylov":
+        return
+    shifts_Hz = scene.model.shifts_Hz
+    if not shifts_Hz:
+        raise reader.error("model.shifts_Hz", [], "at least one frequency")
+    for i in range(1, len(shifts_Hz)):
+        if shifts_Hz[i] <= shifts_Hz[i - 1]:
+            raise reader.error(
+                f"model.shifts_Hz[{i}]", shifts_Hz[i], f"greater than the previous one, {shifts_Hz[i - 1]:g} Hz"
+            )
+    largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
+    if 3 * largest_face * len(shifts_Hz) > MAX_MODES:
+        raise reader.error(
+            "model.shifts_Hz",
+            list(shifts_Hz),
+            f"so few that 3 modes for each of them and of the {largest_face} nodes of a face of the patch are at most "
+            f"{MAX_MODES}",
+        )
+    if scene.body.drives:
+        raise reader.problem(
+            "body.drives", 'given together with model.builder = "krylov", whose modes do not know driven nodes'
+        )
 
 
 def _check_link_faults(reader: Reader, way: str, drops: tuple[int, ...], flips: tuple[BitFlip, ...]) -> None:

@@ -222,14 +222,27 @@ class Model:
     """The local model that the board renders."""
 
     builder: str = key(
-        Choice(("patch",)),
-        "how it is built; `patch`: the nodes around the tip, those beyond held",
+        Choice(("patch", "krylov")),
+        "how it is built; `patch`: the nodes around the tip, those beyond held, with the tangent of the frame; `krylov`: "
+        "modes of the whole body that answer forces on the patch's surface as it does",
         default="patch",
     )
     patch_nodes: tuple[int, ...] = key(
         Vector((3,), Integer(2, 8)),
         "nodes of the patch [x, y, z] or fewer at a border; 64 at most",
         default=(4, 4, 2),
+    )
+    tangent: str = key(
+        Choice(("frame", "rest")),
+        "`krylov`: where the body's stiffness and damping are taken; `rest`: once, `frame`: at each update's state",
+        default="frame",
+    )
+    shifts_Hz: tuple[float, ...] = key(
+        ListOf(Number(0.0, 1000.0), 4),
+        "`krylov`: frequencies, ascending, around which the modes answer exactly; 3 modes for each and each surface node, "
+        "192 at most",
+        unit="Hz",
+        default=(0.0,),
     )
     feedback: str = key(
         Choice(("exact", "paper", "discard", "hold")),

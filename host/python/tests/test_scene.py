@@ -501,12 +501,24 @@ BAD = {
         "scene.toml: rates.model_update_Hz = 0: must be in [1, 250] Hz",
     ),
     "unknown builder": (
-        GOOD + '[model]\nbuilder = "krylov"',
-        'scene.toml: model.builder = "krylov": must be "patch"',
+        GOOD + '[model]\nbuilder = "balanced"',
+        'scene.toml: model.builder = "balanced": must be one of "patch", "krylov"',
     ),
     "large patch": (
         GOOD + "[model]\npatch_nodes = [5, 5, 3]",
         "scene.toml: model.patch_nodes = [5, 5, 3]: must be at most 64 nodes in all",
+    ),
+    "krylov without frequencies": (
+        GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = []",
+        "scene.toml: model.shifts_Hz = []: must be at least one frequency",
+    ),
+    "krylov with frequencies in no order": (
+        GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = [20.0, 0.0]",
+        "scene.toml: model.shifts_Hz[1] = 0: must be greater than the previous one, 20 Hz",
+    ),
+    "krylov with more modes than the board holds": (
+        GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = [0, 10, 20, 30]\npatch_nodes = [5, 5, 2]",
+        "scene.toml: model.shifts_Hz = [0, 10, 20, 30]: must be so few that 3 modes for each of them and of the 25 nodes of a ",
     ),
     "unknown board": (
         GOOD + '[board]\nname = "arduino"',

@@ -1,0 +1,118 @@
+#include "host/linearize/krylov_builder.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "host/linearize/modal_reduction.hpp"
+#include "host/msd/tangent.hpp"
+
+namespace palpate::host {
+namespace {
+
+// Bases that are remembered: 3.3 MB each for 12 x 12 x 12 nodes and 96 modes. A hand that draws over a face
+// of such a body meets 81 patches of 4 x 4 nodes.
+constexpr std::size_t kRemembered = 128;
+
+}  // namespace
+
+KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
+                             const std::vector<double>& shift_rad_s, double step_s,
+                             const LocalModelCapacity& capacity)
+    : body_(body),
+      patch_(patch),
+      at_(at),
+      step_s_(step_s),
+      capacity_(capacity),
+      port_limit_(std::min(capacity.surface_nodes,
+                           capacity.modes / (3 * std::max(1, static_cast<int>(shift_rad_s.size()))))),
+      reduction_(body, shift_rad_s),
+      forces_(body),
+      excitation_(body.dof_count(), 2) {
+  if (port_limit_ < patch.along_first * patch.along_second)
+    throw std::invalid_argument(
+        "the local model has 3 modes for each of " + std::to_string(patch.along_first * patch.along_second) +
+        " surface nodes and " + std::to_string(shift_rad_s.size()) + " frequencies, allowed: at most " +
+        std::to_string(capacity.modes) + " in all");
+}
+
+const WholeBodyBasis& KrylovBuilder::basis(const std::vector<int>& surface) {
+  const auto known =
+      std::find_if(bases_.begin(), bases_.end(), [&](const Entry& e) { return e.first == surface; });
+  if (known != bases_.end()) {
+    bases_.splice(bases_.begin(), bases_, known);
+  } else {
+    bases_.emplace_front(surface, reduction_.reduce(surface));
+    ++computed_;
+    if (bases_.size() > kRemembered) bases_.pop_back();
+  }
+  return bases_.front().second;
+}
+
+LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& contact,
+                                const std::vector<int>& held) {
+  if (!held.empty())
+    throw std::invalid_argument("node " + std::to_string(held.front()) +
+                                " is driven: the whole body's modes do not know driven nodes");
+  const std::vector<int> nodes = select_patch(body_, contact, patch_);
+  // All surface nodes of the patch are ports, so that the basis can be used again; at the body's edges, where
+  // more than the capacity are on the surface, those nearest to the contact.
+  SubsetSurface surface = subset_surface(body_, nodes, contact, port_limit_);
+  const WholeBodyBasis& span = basis(surface.node);
+  const Eigen::Index count = span.lambda_rad2_s2.size();
+  if (surface_limit(capacity_, count) < static_cast<int>(surface.node.size()))
+    surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));
+
+  LocalModel model;
+  model.lambda_rad2_s2 = span.lambda_rad2_s2;
+  model.damping_rad_s = span.damping_rad_s;
+  model.damping_coupling = span.damping_coupling;
+  std::optional<ModalBasis> turned;  // the frame's modes in terms of those at rest
+  if (at_ == TangentAt::frame && count > 0) {
+    const Tangent now = tangent(body_, state);
+    const Eigen::MatrixXd& phi = span.basis_1_sqrt_kg;
+    turned = reduce_to_modes(-phi.transpose() * (now.df_dx_N_m * phi),
+                             -phi.transpose() * (now.df_dv_N_s_m * phi), Eigen::VectorXd::Ones(count));
+    model.lambda_rad2_s2 = turned->lambda_rad2_s2;
+    model.damping_rad_s = turned->damping_rad_s;
+    model.damping_coupling = turned->damping_coupling;
+    model.stiffness_asymmetry = turned->stiffness_asymmetry;
+  }
+  set_step(model, step_s_);
+
+  forces_.evaluate(state, force_N_);
+  for (int node = 0; node < body_.node_count(); ++node) {
+    for (const int axis : body_.axes()) {
+      const int dof = body_.dof(node, axis);
+      if (dof < 0) continue;
+      excitation_(dof, 0) = force_N_(axis, node);
+      excitation_(dof, 1) = body_.mass_kg(node) * state.velocity_m_s(axis, node);
+    }
+  }
+  Eigen::MatrixXd modal = span.basis_1_sqrt_kg.transpose() * excitation_;
+  if (turned) modal = turned->basis_1_sqrt_kg.transpose() * modal;
+  model.q = Eigen::VectorXd::Zero(count);
+  model.p = modal.col(1);
+  model.load = modal.col(0) + model.damping_rad_s.cwiseProduct(model.p);
+
+  std::vector<int> dof_node, dof_axis;
+  std::vector<int> rows;
+  for (const int node : nodes) {
+    for (const int axis : body_.axes()) {
+      if (body_.dof(node, axis) < 0) continue;
+      dof_node.push_back(node);
+      dof_axis.push_back(axis);
+      rows.push_back(body_.dof(node, axis));
+    }
+  }
+  Eigen::MatrixXd dof_basis(static_cast<Eigen::Index>(rows.size()), count);
+  for (std::size_t d = 0; d < rows.size(); ++d)
+    dof_basis.row(static_cast<Eigen::Index>(d)) = span.basis_1_sqrt_kg.row(rows[d]);
+  if (turned) dof_basis *= turned->basis_1_sqrt_kg;
+  set_surface(model, state, std::move(surface), std::move(dof_node), std::move(dof_axis),
+              std::move(dof_basis));
+  return model;
+}
+
+}  // namespace palpate::host

@@ -1,0 +1,47 @@
+// From a state of the body and the contact's place to a local model: one interface, several builders.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "host/linearize/local_model.hpp"
+#include "host/linearize/model_surface.hpp"
+#include "host/linearize/patch_selection.hpp"
+#include "host/msd/body.hpp"
+#include "host/msd/surface_point.hpp"
+
+namespace palpate::host {
+
+class ModelBuilder {
+ public:
+  ModelBuilder() = default;
+  ModelBuilder(const ModelBuilder&) = delete;
+  ModelBuilder& operator=(const ModelBuilder&) = delete;
+  virtual ~ModelBuilder() = default;
+
+  // A model linearized about the state, or with its forces, around the contact. held: nodes, ascending, that
+  // are driven. Throws std::invalid_argument where it can't.
+  virtual LocalModel build(const BodyState& state, const SurfacePoint& contact,
+                           const std::vector<int>& held) = 0;
+};
+
+enum class Builder {
+  patch,   // the paper's: the nodes around the contact with the tangent of the frame, others held
+           // (patch_builder.hpp)
+  krylov,  // modes of the whole body (krylov_builder.hpp)
+};
+
+// Where the body is linearized: at rest, once, or at each frame's state.
+enum class TangentAt { rest, frame };
+
+struct BuilderConfig {
+  Builder builder = Builder::patch;
+  PatchSize patch{};
+  TangentAt tangent = TangentAt::frame;  // of krylov; a patch has the frame's
+  std::vector<double> shift_rad_s;       // of krylov
+};
+
+// The body must outlive the builder. Models step by step_s. Throws as the builders do.
+std::unique_ptr<ModelBuilder> make_builder(const Body& body, const BuilderConfig& config, double step_s);
+
+}  // namespace palpate::host

@@ -1,0 +1,117 @@
+#include "host/linearize/whole_body_basis.hpp"
+
+#include <Eigen/CholmodSupport>
+#include <Eigen/Eigenvalues>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "host/msd/tangent.hpp"
+
+namespace palpate::host {
+namespace {
+
+using Sparse = Eigen::SparseMatrix<double>;
+using Cholesky = Eigen::CholmodSupernodalLLT<Sparse, Eigen::Lower>;
+
+// Directions with less than this part of the largest one's squared length, all attachment modes being of
+// length 1, say what others do: rounding is 1e-16.
+constexpr double kNewDirection = 1e-13;
+
+std::vector<int> dofs_of(const Body& body, const std::vector<int>& nodes) {
+  std::vector<int> dofs;
+  for (const int node : nodes)
+    for (const int axis : body.axes())
+      if (const int dof = body.dof(node, axis); dof >= 0) dofs.push_back(dof);
+  return dofs;
+}
+
+// W with W' gram W = I for what is not rounding in gram.
+Eigen::MatrixXd whitening(const Eigen::MatrixXd& gram) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
+  if (solver.info() != Eigen::Success)
+    throw std::runtime_error("the eigenproblem of the attachment modes did not converge");
+  const Eigen::VectorXd& length = solver.eigenvalues();
+  const Eigen::Index all = length.size();
+  const auto kept = (length.array() > kNewDirection * length[all - 1]).count();
+  return solver.eigenvectors().rightCols(kept) * length.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
+}
+
+}  // namespace
+
+struct WholeBodyReduction::Factors {
+  Eigen::VectorXd root_mass;
+  Sparse stiffness, damping;  // mass-normalized
+  std::vector<double> shift_rad_s;
+  std::vector<std::unique_ptr<Cholesky>> factor;  // of each shift
+};
+
+WholeBodyReduction::WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s)
+    : body_(body), factors_(std::make_unique<Factors>()) {
+  if (shift_rad_s.empty()) throw std::invalid_argument("a reduction of the whole body needs a frequency");
+  for (std::size_t i = 0; i < shift_rad_s.size(); ++i)
+    if (!std::isfinite(shift_rad_s[i]) || shift_rad_s[i] < (i == 0 ? 0.0 : shift_rad_s[i - 1] * (1.0 + 1e-6)))
+      throw std::invalid_argument("frequency " + std::to_string(shift_rad_s[i]) +
+                                  " rad/s, allowed: finite, not negative, ascending");
+  Factors& f = *factors_;
+  f.shift_rad_s = shift_rad_s;
+  f.root_mass.resize(body.dof_count());
+  for (int node = 0; node < body.node_count(); ++node)
+    for (const int axis : body.axes())
+      if (const int dof = body.dof(node, axis); dof >= 0) f.root_mass[dof] = std::sqrt(body.mass_kg(node));
+  const Tangent tangent_at_rest = tangent(body, body.rest_state());
+  const auto scale = f.root_mass.cwiseInverse().asDiagonal();
+  f.stiffness = scale * Sparse(-tangent_at_rest.df_dx_N_m) * scale;
+  f.damping = scale * Sparse(-tangent_at_rest.df_dv_N_s_m) * scale;
+  Sparse identity(body.dof_count(), body.dof_count());
+  identity.setIdentity();
+  for (const double s : shift_rad_s) {
+    f.factor.push_back(std::make_unique<Cholesky>());
+    const Sparse shifted = f.stiffness + s * f.damping + s * s * identity;
+    f.factor.back()->compute(shifted);
+    if (f.factor.back()->info() != Eigen::Success)
+      throw std::invalid_argument(
+          "the body has a motion that no spring resists: it has no static answer to a force");
+  }
+}
+
+WholeBodyReduction::~WholeBodyReduction() = default;
+
+WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
+  const Factors& f = *factors_;
+  const std::vector<int> ports = dofs_of(body_, nodes);
+  const auto count = static_cast<Eigen::Index>(ports.size());
+  const auto shifts = static_cast<Eigen::Index>(f.factor.size());
+  WholeBodyBasis reduced;
+  if (count == 0) {
+    reduced.basis_1_sqrt_kg.resize(body_.dof_count(), 0);
+    return reduced;
+  }
+  Eigen::MatrixXd forces = Eigen::MatrixXd::Zero(body_.dof_count(), count);
+  for (Eigen::Index p = 0; p < count; ++p) forces(ports[static_cast<std::size_t>(p)], p) = 1.0;
+  Eigen::MatrixXd answers(body_.dof_count(), count * shifts);
+  for (Eigen::Index i = 0; i < shifts; ++i)
+    answers.middleCols(i * count, count) = f.factor[static_cast<std::size_t>(i)]->solve(forces);
+  answers.colwise().normalize();
+
+  // Twice: what rounding leaves of other directions in a short one is as large as that, and goes the second
+  // time.
+  Eigen::MatrixXd orthonormal = answers * whitening(answers.transpose() * answers);
+  orthonormal *= whitening(orthonormal.transpose() * orthonormal);
+  const Eigen::MatrixXd stiffness = orthonormal.transpose() * (f.stiffness * orthonormal);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(stiffness);
+  if (solver.info() != Eigen::Success)
+    throw std::runtime_error("the eigenproblem of the reduced stiffness did not converge");
+  const Eigen::MatrixXd modes = orthonormal * solver.eigenvectors();
+  const Eigen::MatrixXd damping = modes.transpose() * (f.damping * modes);
+  reduced.lambda_rad2_s2 = solver.eigenvalues();
+  reduced.damping_rad_s = damping.diagonal();
+  const Eigen::MatrixXd coupling = damping - Eigen::MatrixXd(damping.diagonal().asDiagonal());
+  reduced.damping_coupling = damping.norm() > 0 ? coupling.norm() / damping.norm() : 0.0;
+  reduced.basis_1_sqrt_kg = f.root_mass.cwiseInverse().asDiagonal() * modes;
+  return reduced;
+}
+
+}  // namespace palpate::host

@@ -1,0 +1,47 @@
+// A few modes of the whole body that answer forces on a few of its nodes as the whole body does.
+//
+// Galerkin's method on attachment modes of the nodes' degrees of freedom: the displacements X = (K + s B +
+// s^2 M)^-1 E under unit forces E there, at some real frequencies s, for the body at rest without load. With
+// s = 0 among them the static answer is exact; each other s makes two more terms of the answer around it
+// exact (rational Krylov: Grimme 1997). Then Rayleigh and Ritz: K in the span of X, diagonalized. Source of
+// the idea: Jacobs, Fu, Cavusoglu 2010, section 6 (what its patch leaves out of the body); accuracy:
+// docs/decisions/whole_body.md.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "host/msd/body.hpp"
+
+namespace palpate::host {
+
+// x = Phi q of all degrees of freedom (Body::dof), Phi' M Phi = I, Phi' K Phi = diag(lambda).
+struct WholeBodyBasis {
+  Eigen::VectorXd lambda_rad2_s2;   // ascending
+  Eigen::VectorXd damping_rad_s;    // diagonal of Phi' B Phi
+  Eigen::MatrixXd basis_1_sqrt_kg;  // Phi: degrees of freedom x modes
+  double damping_coupling = 0;      // off-diagonal part of Phi' B Phi relative to the whole, Frobenius norm
+};
+
+// Factors of the body at rest, once for each frequency. One object per thread. The body must outlive it.
+class WholeBodyReduction {
+ public:
+  // shift_rad_s: real frequencies, not negative, ascending. Throws std::invalid_argument for others and for a
+  // body with a motion that no spring resists.
+  WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s);
+  ~WholeBodyReduction();
+  WholeBodyReduction(const WholeBodyReduction&) = delete;
+  WholeBodyReduction& operator=(const WholeBodyReduction&) = delete;
+
+  // At most as many modes as the nodes have degrees of freedom times there are frequencies; fewer where some
+  // say the same. Fixed nodes are left out. No free node: no modes.
+  [[nodiscard]] WholeBodyBasis reduce(const std::vector<int>& nodes) const;
+
+ private:
+  struct Factors;
+  const Body& body_;
+  std::unique_ptr<Factors> factors_;
+};
+
+}  // namespace palpate::host
