@@ -82,7 +82,7 @@ def read_record(file: pathlib.Path) -> dict[str, np.ndarray]:
 
 
 @contextlib.contextmanager
-def _no_progress(label: str, unit: str) -> Iterator[Any]:
+def no_progress(label: str, unit: str) -> Iterator[Any]:
     yield lambda done, total: True
 
 
@@ -90,7 +90,7 @@ def run(folder: pathlib.Path, text: str) -> Run:
     """Runs a scene, its firmware on the scene's board."""
     folder.mkdir(exist_ok=True)
     (folder / "scene.toml").write_text(text)
-    outcome = experiment.run(_core, load_scene(folder / "scene.toml"), "run", folder / "out", _no_progress)
+    outcome = experiment.run(_core, load_scene(folder / "scene.toml"), "run", folder / "out", no_progress)
     return Run(outcome.summary, read_record(outcome.files["record.h5"]))
 
 

@@ -29,6 +29,11 @@ WORKING = {
     "a path of one point": {"path": path((0.2, 0.001, 0.002, -0.021))},
     "springs along the axes": {"body": BODY + 'neighbours = "edge"\n'},
     "no damping": {"body": BODY + "damping_ratio = 0.0\n"},
+    "modes of the whole body": {"extra": '[model]\nbuilder = "krylov"'},
+    "modes of the whole body, at an edge": {
+        "extra": '[model]\nbuilder = "krylov"\ntangent = "rest"\nshifts_Hz = [0, 20]',
+        "path": path((0.1, 0.0235, 0.002, -0.0195), (0.3, 0.0235, 0.002, -0.0225)),
+    },
     "models as often as can be": {"extra": "[rates]\nmodel_update_Hz = 250\nhost_delay_ticks = 0"},
 }
 
