@@ -9,7 +9,7 @@ from board_peer import BUILD_MPS2, REPOSITORY
 
 _SITUATIONS = 500
 # Of the 125,000 instructions of a servo tick: a fifth is for the rest of its work (encoders, kinematics, supervision,
-# currents, trace; less than 10,000) and for situations that the short run does not contain (10,000 reach 100,330).
+# currents, trace; less than 10,000) and for situations that the short run does not contain (10,000 reach 101,110).
 _BUDGET = 100_000
 _KINDS = {"free", "first_contact", "stick", "slip", "edge_crossing", "separation"}
 _SEARCHES = {"free", "first_contact"}

@@ -21,7 +21,8 @@ namespace contact_detail {
 
 enum class Meeting : std::uint8_t {
   none,
-  collision,  // state holds the first contact point
+  collision,  // state holds the first contact point, and as normal the direction from there to a sphere's
+              // centre; zero where it is not known
   inside      // the tip has begun the step behind the surface, and was not seen to pass it: the closest point
 };
 
@@ -159,6 +160,7 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
     (dot(lerp(motion.from_m, motion.to_m, middle) - x[0], normal) < radius_m ? high : low) = middle;
   }
   const Vec3<Real> tip = lerp(motion.from_m, motion.to_m, high);
+  state.normal = {};
   if (crossing.found) {
     state.triangle = triangle;
     state.barycentric = closest_point(tip, lerp(before[0], after[0], high), lerp(before[1], after[1], high),
@@ -166,7 +168,10 @@ Meeting find_meeting(Surface& surface, ContactState<Real>& state, const TipMotio
                             .barycentric;
   } else {
     const auto there = closest_on_surface(surface, tip, high, motion, Search::within_reach, triangle);
-    if (!there.at_border) touch(there);
+    if (!there.at_border) {
+      touch(there);
+      state.normal = normalized(tip - there.position_m);
+    }
   }
   return Meeting::collision;
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "shared/contact/ball.hpp"
 #include "shared/contact/collision.hpp"
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/contact_surface.hpp"
@@ -71,13 +72,13 @@ void release(ContactState<Real>& state, bool outside) {
 // place: over a smooth surface it goes there as the tip moves, for a leap would be felt. Flat triangles are
 // left with a blow at any edge.
 template <class Surface, class Real>
-void follow(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip, Real moved_m) {
+void follow(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip, Real moved_m, Real smooth) {
   const Vec3<Real> aim = tip - state.stretch_m + state.normal * state.inset_m;
   const auto triangle = state.triangle;
   const Vec3<Real> barycentric = state.barycentric, before = state.overhang_m;
   const Real height_m = state.height_m;
   const auto go_to = [&](const Vec3<Real>& place) {
-    const Vec3<Real> short_m = slide(surface, state, place);
+    const Vec3<Real> short_m = slide(surface, state, place, smooth);
     return state.at_border ? tangential(short_m, state.normal) : Vec3<Real>{};
   };
   state.overhang_m = go_to(aim);
@@ -127,8 +128,22 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
 
   // The plane of contact is that of the surface at the start of the step: without the contact force, which is
   // not known yet, the surface would spring back within the step and tilt.
-  const Vec3<Real> normal =
-      detail::lean(surface, state, surface.normal_before(state.triangle, state.barycentric), to - from);
+  detail::BallNormal<Real> facing{{}, 1};
+  if (law.tip_radius_m > 0) {
+    Vec3<Real> offset{};
+    if (meeting == detail::Meeting::collision) {
+      offset = state.normal * law.tip_radius_m;
+    } else if (meeting == detail::Meeting::none && !state.at_border && !(state.inset_m > 0) &&
+               state.overhang_m == Vec3<Real>{}) {
+      const auto x = detail::corners_at(surface, state.triangle, Real(0));
+      offset = from - state.stretch_m -
+               (x[0] * state.barycentric.x + x[1] * state.barycentric.y + x[2] * state.barycentric.z);
+    }
+    facing = detail::ball_normal(surface, state, offset, law.tip_radius_m);
+  } else {
+    facing.normal = surface.normal_before(state.triangle, state.barycentric);
+  }
+  const Vec3<Real> normal = detail::lean(surface, state, facing.normal, to - from);
   state.normal = normal;
   if (meeting == detail::Meeting::inside) {
     const auto x = detail::corners_at(surface, state.triangle, Real(0));
@@ -165,8 +180,9 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
            detail::fall_m(norm(overhang), detail::longest_edge_m<Surface, Real>(surface, state.triangle));
   ContactForce<Real> solution{};
   if (surface.kind() == SurfaceKind::flat && !beyond_border && !(state.inset_m > 0)) {
-    const auto fold = detail::solve_in_fold(surface, state.triangle, state.barycentric, law.tip_radius_m,
-                                            gap - state.stretch_m * coupling.memory, compliance, previous);
+    const auto fold =
+        detail::solve_in_fold(surface, state.triangle, state.barycentric, normal, law.tip_radius_m,
+                              gap - state.stretch_m * coupling.memory, compliance, previous);
     solution = fold.contact;
     state.normal = fold.normal;
   } else {
@@ -190,19 +206,19 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
       // Passed aslant close to an edge, the surface may lie behind the tip and the plane of the place that
       // was hit in front of it: the contact goes to where the tip is now, and presses from the next step on.
       state.mode = ContactMode::slip;
-      detail::follow(surface, state, to, moved_m);
+      detail::follow(surface, state, to, moved_m, facing.smooth);
     } else if (gap_n >= 0 && gap_n < state.inset_m) {
       // The tip has gone outward by itself, and is still inside: it need not be pushed that far any more.
       state.mode = ContactMode::slip;
       state.stretch_m = {};
       state.inset_m -= gap_n;
-      detail::follow(surface, state, to, moved_m);
+      detail::follow(surface, state, to, moved_m, facing.smooth);
     } else if (coupling.yields() && gap_n < 0) {
       // A damper may lose its hold while the tip is still behind the surface: it stays in contact, without
       // force.
       state.mode = ContactMode::slip;
       state.stretch_m = normal * gap_n;
-      detail::follow(surface, state, to, moved_m);
+      detail::follow(surface, state, to, moved_m, facing.smooth);
     } else {
       detail::release(state, !beyond_border);
     }
@@ -213,7 +229,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
   surface.apply(state.triangle, state.barycentric, solution.force_N);
   // The skin's stretch stays, too: without it friction would be let go in each slip.
   if (solution.mode == ContactMode::slip)
-    detail::follow(surface, state, to - solution.force_N * response.skin_m_N, moved_m);
+    detail::follow(surface, state, to - solution.force_N * response.skin_m_N, moved_m, facing.smooth);
 }
 
 }  // namespace palpate

@@ -50,21 +50,22 @@ struct FoldForce {
 
 // The planes of the triangle and of those beside it or around its nearest node that rise from it and do not
 // cut it, at the start of the newest step; none that the contact point is further above than `reach_m`.
+// `touching`: the normal of the contact; a sphere's over a sharp edge is not the triangle's.
 template <class Surface, class Real>
-Fold<Real> fold_at(Surface& surface, std::uint32_t triangle, const Vec3<Real>& barycentric, Real radius_m,
-                   Real reach_m) {
+Fold<Real> fold_at(Surface& surface, std::uint32_t triangle, const Vec3<Real>& barycentric,
+                   const Vec3<Real>& touching, Real radius_m, Real reach_m) {
   constexpr Real kRounding = static_cast<Real>(1e-3);  // of the larger height: two triangles share an edge
   Fold<Real> fold{};
   const auto x = corners_at(surface, triangle, Real(0));
   const Vec3<Real> point = x[0] * barycentric.x + x[1] * barycentric.y + x[2] * barycentric.z;
   const Vec3<Real> own = surface.normal_before(triangle, barycentric);
-  fold.plane[fold.count++] = {own, Real(0)};
+  fold.plane[fold.count++] = {touching, Real(0)};
   const auto add = [&](std::uint32_t other) {
     if (fold.count == kMaxFoldPlanes) return;
     const auto y = corners_at(surface, other, Real(0));
     const Vec3<Real> normal = surface.normal_before(other, barycentric);
     // A sphere touches it earlier than its lowest point does.
-    const Real height_m = dot(normal, point - y[0]) - radius_m * (1 - dot(own, normal));
+    const Real height_m = dot(normal, point - y[0]) - radius_m * (1 - dot(touching, normal));
     if (height_m > reach_m) return;
     Real rise_m = 0, above_m = 0, below_m = 0;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -271,10 +272,10 @@ class FoldSolver {
 // The contact of a flat surface's point in the newest step.
 template <class Surface, class Real>
 FoldForce<Real> solve_in_fold(Surface& surface, std::uint32_t triangle, const Vec3<Real>& barycentric,
-                              Real radius_m, const Vec3<Real>& gap_m, const Mat3<Real>& compliance_m_N,
-                              ContactMode previous) {
-  const Fold<Real> fold =
-      fold_at(surface, triangle, barycentric, radius_m, static_cast<Real>(kFoldReach) * norm(gap_m));
+                              const Vec3<Real>& touching, Real radius_m, const Vec3<Real>& gap_m,
+                              const Mat3<Real>& compliance_m_N, ContactMode previous) {
+  const Fold<Real> fold = fold_at(surface, triangle, barycentric, touching, radius_m,
+                                  static_cast<Real>(kFoldReach) * norm(gap_m));
   return FoldSolver<Real>(gap_m, compliance_m_N, fold, surface.friction(triangle), previous).solve();
 }
 

@@ -238,7 +238,7 @@ struct Roof {
 TEST(FoldAt, HasTheNeighbourThatRisesWithinReach) {
   Roof roof{0.5};
   const Vec3d place{0.2, 0.5, 0.3};  // 2 mm from the edge
-  const auto fold = fold_at(roof, 0u, place, 0.0, 1.0);
+  const auto fold = fold_at(roof, 0u, place, roof.normal_before(0u, place), 0.0, 1.0);
   ASSERT_EQ(fold.count, 2u);
   EXPECT_EQ(fold.plane[0].normal, (Vec3d{0, 0, 1}));
   EXPECT_EQ(fold.plane[0].height_m, 0.0);
@@ -246,13 +246,13 @@ TEST(FoldAt, HasTheNeighbourThatRisesWithinReach) {
   EXPECT_NEAR(norm(fold.plane[1].normal - normal), 0.0, 1e-12);
   EXPECT_NEAR(fold.plane[1].height_m, 0.002 * 0.5 / std::sqrt(1.25), 1e-12);
   // A sphere of 1 mm, over the same place, is closer to it.
-  EXPECT_NEAR(fold_at(roof, 0u, place, 0.001, 1.0).plane[1].height_m,
+  EXPECT_NEAR(fold_at(roof, 0u, place, roof.normal_before(0u, place), 0.001, 1.0).plane[1].height_m,
               fold.plane[1].height_m - 0.001 * (1.0 - normal.z), 1e-12);
-  EXPECT_EQ(fold_at(roof, 0u, place, 0.0, 1e-4).count, 1u);
+  EXPECT_EQ(fold_at(roof, 0u, place, roof.normal_before(0u, place), 0.0, 1e-4).count, 1u);
   roof.slope = -0.5;
-  EXPECT_EQ(fold_at(roof, 0u, place, 0.0, 1.0).count, 1u);
+  EXPECT_EQ(fold_at(roof, 0u, place, roof.normal_before(0u, place), 0.0, 1.0).count, 1u);
   roof.slope = 0.0;
-  EXPECT_EQ(fold_at(roof, 0u, place, 0.0, 1.0).count, 1u);
+  EXPECT_EQ(fold_at(roof, 0u, place, roof.normal_before(0u, place), 0.0, 1.0).count, 1u);
 }
 
 }  // namespace

@@ -97,7 +97,7 @@ Vec3<Real> lean(Surface& surface, ContactState<Real>& state, const Vec3<Real>& n
 // of the body follows the triangles: the height's change must not add to the force, which is bounded there.
 // Measured in docs/decisions/smooth_normals.md.
 template <class Surface, class Real>
-Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip) {
+Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& tip, Real smooth = 1) {
   Vec3<Real> end{};
   if (surface.kind() == SurfaceKind::flat || state.inset_m > 0) {
     end = walk(surface, state.triangle, state.barycentric, tip);
@@ -112,11 +112,12 @@ Vec3<Real> slide(Surface& surface, ContactState<Real>& state, const Vec3<Real>& 
     const Vec3<Real> area = cross(b - a, c - a);
     const Real width_squared = norm(area), facing = dot(area, state.normal);
     end = facing * 2 > width_squared ? tip + state.normal * (dot(area, start - tip) / facing) : tip;
+    if (smooth < 1) end = end * smooth + tip * (1 - smooth);
     const std::uint32_t left = state.triangle;
     end = walk(surface, state.triangle, state.barycentric, end);
     if (state.triangle != left)
-      end =
-          walk(surface, state.triangle, state.barycentric, tip + state.normal * dot(state.normal, end - tip));
+      end = walk(surface, state.triangle, state.barycentric,
+                 tip + state.normal * (dot(state.normal, end - tip) * smooth));
     const Vec3<Real> moved = end - start;
     const Real moved_squared = dot(moved, moved);
     state.height_m -= dot(state.normal, moved);
