@@ -1,4 +1,4 @@
-"""The contact tick on the emulated Cortex-M4F keeps its budget of instructions: a short run of the benchmark."""
+"""The contact tick on the emulated Cortex-M4F keeps its budget of instructions: the benchmark as it is."""
 
 import json
 import subprocess
@@ -7,14 +7,14 @@ import sys
 import pytest
 from board_peer import BUILD_MPS2, REPOSITORY
 
-_SITUATIONS = 500
-# Of the 125,000 instructions of a servo tick: a fifth is for the rest of its work (encoders, kinematics, supervision,
-# currents, trace; less than 10,000) and for situations that the short run does not contain (10,000 reach 101,110).
-_BUDGET = 100_000
+_SITUATIONS = 10_000
+# Of the 125,000 instructions of a servo tick; the rest of its work (encoders, kinematics, supervision, currents, trace) takes
+# less than 10,000.
+_BUDGET = 115_000
 _KINDS = {"free", "first_contact", "stick", "slip", "edge_crossing", "separation"}
 _SEARCHES = {"free", "first_contact"}
-# Far above the second that it takes: a run that needs it has hung.
-_WATCHDOG_S = 60
+# Far above the twenty seconds that it takes: a run that needs it has hung.
+_WATCHDOG_S = 300
 
 
 @pytest.fixture(scope="module")
@@ -26,27 +26,30 @@ def report(tmp_path_factory):
     return json.loads(out.read_text())
 
 
+def measured(report):
+    """Of each surface and size: its kinds of tick."""
+    for surface, sizes in report["instructions"].items():
+        for size, kinds in sizes.items():
+            yield (surface, size), kinds
+
+
 def test_every_kind_of_tick_is_measured(report):
     assert report["situations"] == _SITUATIONS
-    for size, kinds in report["instructions"].items():
-        assert set(kinds) == _KINDS, size
+    assert len(list(measured(report))) == 4
+    for which, kinds in measured(report):
+        assert set(kinds) == _KINDS, which
         assert sum(of["ticks"] for kind in kinds.values() for of in kind.values()) == 2 * _SITUATIONS
 
 
-def over_budget(report, chosen):
-    return {(size, kind, state): of["worst"] for size, kinds in report["instructions"].items()
+@pytest.mark.parametrize("searching", [False, True], ids=["in contact", "searching for a contact"])
+def test_the_worst_tick_keeps_the_budget(report, searching):
+    chosen = _SEARCHES if searching else _KINDS - _SEARCHES
+    over = {(*which, kind, state): of["worst"] for which, kinds in measured(report)
             for kind in chosen for state, of in kinds[kind].items() if of["worst"] > _BUDGET}
-
-
-def test_the_worst_tick_in_contact_keeps_the_budget(report):
-    assert over_budget(report, _KINDS - _SEARCHES) == {}
-
-
-def test_the_worst_search_for_a_contact_keeps_the_budget(report):
-    assert over_budget(report, _SEARCHES) == {}
+    assert over == {}
 
 
 def test_instructions_are_counted_not_timed(report):
     # A tick touches every mode several times, and cannot be cheaper than that.
-    for kinds in report["instructions"].values():
-        assert all(of["median"] > 2_000 for kind in kinds.values() for of in kind.values())
+    for which, kinds in measured(report):
+        assert all(of["median"] > 2_000 for kind in kinds.values() for of in kind.values()), which

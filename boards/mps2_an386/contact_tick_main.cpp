@@ -1,6 +1,6 @@
 // Measures the contact tick on QEMU's mps2-an386 (shared/bench, host/bench/contact_tick.py): the command line
-// is the number of situations of each size; prints a line "size tick kind counts" for each tick on UART0,
-// counts of the 25 MHz clock in hexadecimal, and ends QEMU.
+// is the number of situations of each size and surface; prints a line "size surface tick kind counts" for
+// each tick on UART0, counts of the 25 MHz clock in hexadecimal, and ends QEMU.
 #include <array>
 #include <cstdint>
 #include <string_view>
@@ -39,6 +39,23 @@ std::uint32_t clock_count() {
   return ~palpate::board::timer1().value;
 }
 
+void measure(ModelSize size, palpate::SurfaceKind surface, std::uint32_t count) {
+  for (std::uint32_t number = 0; number < count; ++number) {
+    situations.prepare(size, surface, number);
+    for (std::uint32_t tick = 0; tick < kTicksPerSituation; ++tick) {
+      const std::uint32_t start = clock_count();
+      situations.step();
+      const std::uint32_t counts = clock_count() - start;
+      print_digit(static_cast<std::uint32_t>(size));
+      print_digit(static_cast<std::uint32_t>(surface));
+      print_digit(tick);
+      print_digit(static_cast<std::uint32_t>(situations.finish()));
+      palpate::board::print_hex(counts);
+      palpate::board::print("\n");
+    }
+  }
+}
+
 }  // namespace
 
 extern "C" {
@@ -50,21 +67,8 @@ extern "C" {
   palpate::board::timer1().control = palpate::board::kTimerEnable;
   std::array<char, 16> buffer{};
   const std::uint32_t count = to_number(palpate::board::semihosting::command_line(buffer));
-  for (const ModelSize size : {ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16}) {
-    for (std::uint32_t number = 0; number < count; ++number) {
-      situations.prepare(size, number);
-      for (std::uint32_t tick = 0; tick < kTicksPerSituation; ++tick) {
-        const std::uint32_t start = clock_count();
-        situations.step();
-        const std::uint32_t counts = clock_count() - start;
-        print_digit(static_cast<std::uint32_t>(size));
-        print_digit(tick);
-        print_digit(static_cast<std::uint32_t>(situations.finish()));
-        palpate::board::print_hex(counts);
-        palpate::board::print("\n");
-      }
-    }
-  }
+  for (const ModelSize size : {ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16})
+    for (const palpate::SurfaceKind surface : palpate::bench::kSurfaces) measure(size, surface, count);
   palpate::board::semihosting::exit(0);
 }
 

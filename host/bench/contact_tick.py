@@ -23,6 +23,7 @@ INSTRUCTIONS_PER_COUNT = 5  # 125 MIPS (-icount shift=3: 8 ns) at a clock of 25 
 INSTRUCTIONS_PER_TICK = 125_000  # of the servo, 1 ms
 
 SIZES = ("96 modes, 32 nodes", "192 modes, 16 nodes")  # ModelSize
+SURFACES = ("smooth", "flat")  # SurfaceKind
 KINDS = ("free", "first_contact", "stick", "slip", "edge_crossing", "separation")  # TickKind
 TICKS = ("cold", "warm")
 
@@ -31,7 +32,7 @@ _WATCHDOG_S = 300
 
 
 def run(situations: int, image: Path) -> list[str]:
-    """Lines "size tick kind counts" of `situations` random situations of each size."""
+    """Lines "size surface tick kind counts" of `situations` random situations of each size and surface."""
     command = ["qemu-system-arm", "-M", "mps2-an386", "-icount", "shift=3,sleep=off", "-display", "none", "-monitor",
                "none", "-serial", "stdio", "-semihosting-config", f"enable=on,target=native,arg={situations}",
                "-kernel", str(image)]
@@ -48,22 +49,22 @@ def _statistics(instructions: list[int]) -> dict[str, int]:
     }
 
 
-def summarize(lines: Iterable[str]) -> dict[str, dict[str, dict[str, dict[str, int]]]]:
-    """Per size, kind of tick, and cold or warm: number of ticks, median and worst number of instructions."""
-    samples: dict[tuple[int, int, int], list[int]] = defaultdict(list)
+def summarize(lines: Iterable[str]) -> dict[str, dict[str, dict[str, dict[str, dict[str, int]]]]]:
+    """Per surface, size, kind of tick, and cold or warm: number of ticks, median and worst number of instructions."""
+    samples: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)
     for line in lines:
-        size, tick, kind, counts = line.split()
-        samples[int(size), int(kind), int(tick)].append(INSTRUCTIONS_PER_COUNT * int(counts, 16))
-    result: dict[str, dict[str, dict[str, dict[str, int]]]] = {}
-    for (size, kind, tick), instructions in sorted(samples.items()):
-        of_kind = result.setdefault(SIZES[size], {}).setdefault(KINDS[kind], {})
-        of_kind[TICKS[tick]] = _statistics(instructions)
+        size, surface, tick, kind, counts = line.split()
+        samples[int(surface), int(size), int(kind), int(tick)].append(INSTRUCTIONS_PER_COUNT * int(counts, 16))
+    result: dict[str, dict[str, dict[str, dict[str, dict[str, int]]]]] = {}
+    for (surface, size, kind, tick), instructions in sorted(samples.items()):
+        of_size = result.setdefault(SURFACES[surface], {}).setdefault(SIZES[size], {})
+        of_size.setdefault(KINDS[kind], {})[TICKS[tick]] = _statistics(instructions)
     return result
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--situations", type=int, default=SITUATIONS, help="of each size of model")
+    parser.add_argument("--situations", type=int, default=SITUATIONS, help="of each size of model and each surface")
     parser.add_argument("--image", type=Path, default=IMAGE, help="of target contact_tick_mps2_an386")
     parser.add_argument("--out", type=Path, help="JSON file; default: standard output")
     options = parser.parse_args()

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "shared/contact/contact_state.hpp"
+#include "shared/contact/surface_kind.hpp"
 #include "shared/math/lcg.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/model/local_model.hpp"
@@ -17,6 +18,7 @@ namespace palpate::bench {
 // Models that fill the basis.
 enum class ModelSize : std::uint8_t { modes_96_nodes_32 = 0, modes_192_nodes_16 = 1 };
 inline constexpr std::size_t kModelSizes = 2;
+inline constexpr SurfaceKind kSurfaces[] = {SurfaceKind::smooth, SurfaceKind::flat};
 
 // What a tick was. A slip that ends on another triangle is an edge crossing.
 enum class TickKind : std::uint8_t {
@@ -29,15 +31,15 @@ enum class TickKind : std::uint8_t {
 };
 inline constexpr std::size_t kTickKinds = 6;
 
-// Situation `number` of a size: a model (a new one every kSituationsPerModel), moving by up to some
-// millimetres, with a tip that is free or in contact with one of its triangles, point or sphere, with
+// Situation `number` of a size and surface: a model (a new one every kSituationsPerModel), moving by up to
+// some millimetres, with a tip that is free or in contact with one of its triangles, point or sphere, with
 // friction 0 to 1. Nothing is known from ticks before: the first step is dearer than what usually follows.
 // Too large for a microcontroller's stack.
 class ContactSituations {
  public:
   static constexpr std::uint32_t kSituationsPerModel = 500;
 
-  void prepare(ModelSize size, std::uint32_t number);
+  void prepare(ModelSize size, SurfaceKind surface, std::uint32_t number);
 
   // The tick to be measured: step_contact and nothing else.
   void step();
@@ -46,7 +48,7 @@ class ContactSituations {
   [[nodiscard]] const ContactState<float>& contact() const { return contact_; }
 
  private:
-  void build_model(ModelSize size, std::uint32_t number);
+  void build_model(ModelSize size, SurfaceKind surface, std::uint32_t number);
   void place_tip(Lcg& random);
 
   std::array<float, 3 * kMaxSurfaceNodes> position_m_{};
@@ -66,6 +68,7 @@ class ContactSituations {
   Vec3f from_m_{}, to_m_{};
   bool built_ = false;
   ModelSize built_size_{};
+  SurfaceKind built_surface_{};
   std::uint32_t built_number_ = 0;
 };
 

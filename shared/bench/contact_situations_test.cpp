@@ -4,17 +4,22 @@
 
 #include <array>
 #include <memory>
+#include <tuple>
 
 namespace palpate::bench {
 namespace {
 
-class EachSize : public ::testing::TestWithParam<ModelSize> {};
+class EachSize : public ::testing::TestWithParam<std::tuple<ModelSize, SurfaceKind>> {
+ protected:
+  ModelSize size_ = std::get<0>(GetParam());
+  SurfaceKind surface_ = std::get<1>(GetParam());
+};
 
 TEST_P(EachSize, EveryKindOfTickIsAmongAThousand) {
   const auto situations = std::make_unique<ContactSituations>();
   std::array<int, kTickKinds> count{};
   for (std::uint32_t i = 0; i < 1000; ++i) {
-    situations->prepare(GetParam(), i);
+    situations->prepare(size_, surface_, i);
     for (int tick = 0; tick < 2; ++tick) {
       situations->step();
       ++count[static_cast<std::size_t>(situations->finish())];
@@ -27,16 +32,18 @@ TEST_P(EachSize, EveryKindOfTickIsAmongAThousand) {
 
 TEST_P(EachSize, ASituationDependsOnItsNumberOnly) {
   const auto one = std::make_unique<ContactSituations>(), other = std::make_unique<ContactSituations>();
-  one->prepare(GetParam(), 3);
-  other->prepare(GetParam(), ContactSituations::kSituationsPerModel + 1);
-  other->prepare(GetParam(), 3);
+  one->prepare(size_, surface_, 3);
+  other->prepare(size_, surface_, ContactSituations::kSituationsPerModel + 1);
+  other->prepare(size_, surface_, 3);
   one->step();
   other->step();
   EXPECT_EQ(one->finish(), other->finish());
   EXPECT_EQ(one->contact().force_N, other->contact().force_N);
 }
 INSTANTIATE_TEST_SUITE_P(Sizes, EachSize,
-                         ::testing::Values(ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16));
+                         ::testing::Combine(::testing::Values(ModelSize::modes_96_nodes_32,
+                                                              ModelSize::modes_192_nodes_16),
+                                            ::testing::ValuesIn(kSurfaces)));
 
 }  // namespace
 }  // namespace palpate::bench
