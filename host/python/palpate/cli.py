@@ -112,7 +112,10 @@ def build_parser() -> argparse.ArgumentParser:
     add_out(simulate_command, "out/<name of the scene>")
     figures = add("reproduce", "repeat the paper's experiments, check its statements and write a report")
     figures.add_argument(
-        "figures", nargs="*", metavar="FIGURE", help="fig4, table1, table2, fig5, fig8, fig12 ... fig17, or all (default: all)"
+        "figures",
+        nargs="*",
+        metavar="FIGURE",
+        help="fig4, table1, table2, fig5, fig8, frontier, locality, fig12 ... fig17, or all (default: all)",
     )
     add_out(figures, "out/reproduce")
     figures.add_argument(

@@ -20,7 +20,8 @@ from palpate.reproduce.results import FigureResult
 from palpate.scene import SceneError, load_scene
 from palpate.scene_overrides import parse_override
 
-NAMES = ["fig4", "table1", "table2", "fig5", "fig8", "fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
+NAMES = ["fig4", "table1", "table2", "fig5", "fig8", "frontier", "locality"]
+NAMES += ["fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
 PNG = b"\x89PNG, made up"
 VOID = {"meta", "img", "br"}
 
@@ -127,7 +128,8 @@ def test_commands_of_runs_are_read_back_as_they_are() -> None:
             arguments = build_parser().parse_args(words)
             overrides = dict(parse_override(text) for text in arguments.set)
             assert overrides == dict(case.overrides)
-            assert ROOT / arguments.scene == case.file
+            locality = isinstance(case, Study) and case.order is None
+            assert ROOT / (arguments.check_locality if locality else arguments.scene) == case.file
             load_scene(case.file, overrides)
             if isinstance(case, Study):
                 assert (arguments.order, arguments.dense) == (case.order, case.dense)
@@ -140,12 +142,13 @@ def test_every_figure_of_the_paper_has_scenes_and_claims() -> None:
         assert figure.claims and figure.setting and figure.caption
         assert figure.cases and len({case.name for case in figure.cases}) == len(figure.cases)
     used = {case.file for figure in FIGURES.values() for case in figure.cases}
-    assert used == set((SCENES / "reproduce").glob("*.toml"))
+    assert used == {file for folder in ("reproduce", "reduce") for file in (SCENES / folder).glob("*.toml")}
 
 
 def test_names_are_selected_in_the_papers_order() -> None:
     assert [figure.name for figure in command.select(["fig16", "table2", "fig12", "fig16"])] == ["table2", "fig12", "fig16"]
     assert [figure.label for figure in command.select(["fig12", "table2"])] == ["Table 2", "Figure 12"]
+    assert [figure.label for figure in command.select(["locality", "frontier"])] == ["Frontier", "Locality"]
     assert command.select([]) == command.select(["all"]) == list(FIGURES.values())
     with pytest.raises(SceneError, match="fig11"):
         command.select(["fig12", "fig11"])

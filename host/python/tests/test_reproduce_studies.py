@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from palpate import _core
-from palpate.reproduce import command, fig4, fig5, fig8, table1, table2
+from palpate.reproduce import command, fig4, fig5, fig8, frontier, locality, table1, table2
 from palpate.reproduce.checks import Check
 from palpate.reproduce.figure import PaperFigure, Record, Records, Study, Table
 from palpate.reproduce.reductions import collect, collect_undamped_contact, factors
 from palpate.reproduce.studies import study
+from palpate.scene import load_scene
 
 SMALL = {"body.nodes": [5, 5]}
 
@@ -331,6 +332,114 @@ def test_figure_8_compares_models_of_one_body() -> None:
     assert local[0] > 0.1 > 1e-3 > local[-1]
 
 
+# ---- the speed study
+
+
+def frontier_records() -> dict[str, Record]:
+    certified = np.array([10.0 ** -(0.2 * order) for order in frontier.ORDERS])
+    record = {
+        "states": np.array(9000),
+        "projected": np.array(120),
+        "projection_error": np.array(1e-12),
+        "order": np.array(frontier.ORDERS),
+        "certified": certified,
+        "a_priori": 3.0 * certified,
+        "processor_s": np.array(0.5),
+    }
+    records = {frontier.mesh_name(*mesh): record for mesh in frontier.MESHES}
+    return records | {name: {**record, "states": np.array(states)} for name, states in frontier.PAPER_STATES.items()}
+
+
+def test_the_frontier_passes_where_more_states_are_better() -> None:
+    records = frontier_records()
+    assert failed(frontier.checks(records)) == []
+    for table in frontier.tables(records):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+
+
+@pytest.mark.parametrize("changed", ["rises", "above its bound", "inaccurate", "another mesh"])
+def test_the_frontier_fails_on_each_of_its_statements(changed: str) -> None:
+    records = frontier_records()
+    record = dict(records["25 x 25"])
+    if changed == "rises":
+        record["certified"] = np.where(record["order"] == 40, 2.0 * record["certified"][-3], record["certified"])
+        record["a_priori"] = record["certified"]
+    elif changed == "above its bound":
+        record["a_priori"] = 0.9 * record["certified"]
+    elif changed == "inaccurate":
+        record["certified"] = record["a_priori"] = 0.02 * np.linspace(2.0, 1.0, len(frontier.ORDERS))
+    else:
+        record["states"] = np.array(2400)
+    assert len(failed(frontier.checks({**records, "25 x 25": record}))) == 1
+
+
+def test_steps_end_where_the_projections_error_takes_over() -> None:
+    record = {"certified": np.array([1e-2, 1e-4, 1.5e-6, 1.6e-6]), "projection_error": np.array(1e-6)}
+    assert frontier.steps(record) == pytest.approx([1e-2])
+
+
+def test_one_reduction_gives_every_order_that_a_new_one_would() -> None:
+    at_20 = study(_core, Study("small", "square", {"body.nodes": [8, 8]}, order=20, collect=frontier.collect))
+    assert np.all(at_20["certified"] <= at_20["a_priori"])
+    assert float(at_20["processor_s"]) > 0.0
+    for order in (4, 10):
+        alone = study(_core, Study("small", "square", {"body.nodes": [8, 8]}, order=order, collect=collect))
+        certified = 0.01 * (float(alone["relative_h_infinity"]) + float(alone["projection_error"]))
+        assert frontier.certified_at(at_20, order) == pytest.approx(certified, rel=1e-5)
+
+
+# ---- locality
+
+
+def locality_records(homogeneous: float = 0.12, soft: float = 0.2, skin: float = 1.0) -> dict[str, Record]:
+    def record(error: float) -> Record:
+        return {
+            "states": np.array(8706),
+            "order": np.array(20),
+            "certified": np.array(0.004),
+            "patch": np.array([(4, 2), (6, 3)]),
+            "modes": np.array([96, 324]),
+            "fits": np.array([True, False]),
+            "in_band": np.array([error, 0.5 * error]),
+            "error": np.array([[error] * 8, [0.5 * error] * 8]),
+            "frequency_Hz": np.geomspace(0.3, 500.0, 8),
+            "reduced_error": np.full(8, 1e-3),
+            "share": np.linspace(0.0, 1.0, 144).reshape(12, 12),
+            "first": np.array([3, 10, 4, 2, 5]),
+            "state_share": np.array(0.75),
+        }
+
+    return dict(zip(locality.WORDS, (record(homogeneous), record(soft), record(skin)), strict=True))
+
+
+def test_locality_passes_on_what_the_paper_says() -> None:
+    records = locality_records()
+    assert failed(locality.checks(records)) == []
+    for table in locality.tables(records):
+        assert all(len(row) == len(table.columns) for row in table.rows)
+
+
+@pytest.mark.parametrize("off", [{"homogeneous": 0.16}, {"soft": 0.14}, {"skin": 0.14}])
+def test_locality_fails_on_another_verdict(off: dict[str, float]) -> None:
+    assert len(failed(locality.checks(locality_records(**off)))) == 1
+
+
+def test_the_bodies_are_judged_at_the_rate_of_their_scenes() -> None:
+    for case in locality.FIGURE.studies:
+        assert load_scene(case.file).sections.rates.model_update_Hz == locality.UPDATE_RATE_Hz
+
+
+def test_locality_of_a_small_body() -> None:
+    overrides = {"body.nodes": [7, 7, 6]}
+    case = Study("small", locality.HOMOGENEOUS, overrides, folder="reduce", order=None, collect=locality.collect)
+    record = study(_core, case)
+    assert record["share"].shape == (6, 7) and record["share"].max() == 1.0
+    assert record["error"].shape == (len(record["patch"]), len(record["frequency_Hz"]))
+    # A larger patch that contains a smaller one is nearer to the body.
+    names = [locality.patch_name(record, i) for i in range(len(record["patch"]))]
+    assert record["in_band"][names.index("6x6x3")] < record["in_band"][names.index("4x4x2")]
+
+
 # ---- pictures
 
 
@@ -341,6 +450,8 @@ def test_pictures_are_drawn(tmp_path: Path) -> None:
         (table2.FIGURE, table2_records(table2.PAPER)),
         (fig5.FIGURE, {name: {**fig5_record(-1.0), **six_states()} for name in (fig5.THREE_EDGES, fig5.ONE_EDGE)}),
         (fig8.FIGURE, fig8_records()),
+        (frontier.FIGURE, frontier_records()),
+        (locality.FIGURE, locality_records()),
     ]
     for figure, records in drawn:
         file = tmp_path / f"{figure.name}.png"

@@ -150,7 +150,12 @@ def check_locality(
 ) -> Locality:
     """update_rate_Hz: of the global updates; board_modes: the most that a local model may have. The full body's response
     is that of a projection with a certified error of 1e-6 of the largest."""
-    reduction = reduce_system(system, progress=progress)
+    return locality_of(reduce_system(system, progress=progress), update_rate_Hz, board_modes)
+
+
+def locality_of(reduction: Reduction, update_rate_Hz: float, board_modes: int) -> Locality:
+    """The same, of a body that has been reduced."""
+    system = reduction.system
     band = np.geomspace(update_rate_Hz, HIGHEST_HZ, _FREQUENCIES)
     below = np.geomspace(LOWEST_SHOWN_HZ, update_rate_Hz, _FREQUENCIES, endpoint=False)
     frequency_Hz = np.concatenate([below, band])

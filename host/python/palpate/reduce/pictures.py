@@ -1,10 +1,12 @@
 """Pictures of `palpate reduce`: singular values and responses; where the states lie, and what patches miss."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 
 from palpate.reduce.locality import GOOD_ERROR, Locality
@@ -59,7 +61,9 @@ def draw_locality(locality: Locality, file: Path) -> None:
     """Left: the share of the states on the nodes of the section through the contact; right: the patches' errors."""
     figure = Figure(figsize=(9.6, 4.6), dpi=140, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
-    _draw_section(locality, figure, left)
+    draw_section_bar(draw_section(*section(locality), left), figure, [left])
+    name = locality.patches[0].name(locality.planar)
+    left.set_title(f"Where the states lie ({100 * locality.state_share:.0f} % in {name})")
     right.axvspan(locality.update_rate_Hz, locality.frequency_Hz[-1], color="#eef3f8", zorder=0)
     right.axhline(GOOD_ERROR, color=plot.GREY, linestyle="--", linewidth=1, label=f"good: {GOOD_ERROR:g}")
     colours = np.linspace(0.0, 0.75, len(locality.patches))
@@ -93,24 +97,32 @@ def draw_locality(locality: Locality, file: Path) -> None:
     plot.save(figure, file)
 
 
-def _draw_section(locality: Locality, figure: Figure, axes: Axes) -> None:
+def section(locality: Locality) -> tuple[np.ndarray, np.ndarray]:
+    """(nz, nx): the share on the nodes of the section through the contact, over the largest; (5,): lower left node of the
+    first patch, its width and depth in nodes, and the contact's place along x."""
     system = locality.reduction.system
     nx, ny, nz = system.body.shape
     i, j, _ = system.body.coordinates(system.contact_node)
     share = locality.node_share.reshape(nz, ny, nx)[:, j, :]
-    shown = np.log10(np.maximum(share / share.max(), 1e-4))
-    image = axes.imshow(shown, origin="lower", cmap="Blues", vmin=-4, vmax=0, extent=(-0.5, nx - 0.5, -0.5, nz - 0.5))
     first = locality.patches[0]
     low = min(max(i - first.along // 2, 0), nx - first.along)
-    corner = (low - 0.5, nz - first.depth - 0.5)
-    axes.add_patch(Rectangle(corner, first.along, first.depth, fill=False, edgecolor=plot.RED, linewidth=1.5))
-    axes.plot([i], [nz - 1], "v", color=plot.RED, markersize=6)
-    name = first.name(locality.planar)
-    axes.set(
-        xlabel="node along x",
-        ylabel="node along z",
-        title=f"Where the states lie ({100 * locality.state_share:.0f} % in {name})",
-    )
+    return share / share.max(), np.array([low, nz - first.depth, first.along, first.depth, i])
+
+
+def draw_section(share: np.ndarray, patch: np.ndarray, axes: Axes) -> AxesImage:
+    """What `section` returns, as a picture without a colour bar, for which the image is returned."""
+    nz, nx = share.shape
+    low, bottom, along, depth, contact = patch
+    shown = np.log10(np.maximum(share, 1e-4))
+    image = axes.imshow(shown, origin="lower", cmap="Blues", vmin=-4, vmax=0, extent=(-0.5, nx - 0.5, -0.5, nz - 0.5))
+    axes.add_patch(Rectangle((low - 0.5, bottom - 0.5), along, depth, fill=False, edgecolor=plot.RED, linewidth=1.5))
+    axes.plot([contact], [nz - 1], "v", color=plot.RED, markersize=6)
+    axes.set(xlabel="node along x", ylabel="node along z")
+    return image
+
+
+def draw_section_bar(image: AxesImage, figure: Figure, axes: Sequence[Axes]) -> None:
+    """The colour bar of `draw_section`."""
     bar = figure.colorbar(image, ax=axes, shrink=0.75, ticks=[-4, -3, -2, -1, 0])
     bar.ax.set_yticklabels(["1e-4", "1e-3", "0.01", "0.1", "1"])
     bar.set_label("share, relative to the largest")

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,13 @@ class Reduction:
         if self.projection_error >= 1.0:
             return math.inf
         return (error + self.projection_error) / (1.0 - self.projection_error)
+
+    def at_order(self, order: int) -> "Reduction":
+        """The same projection and balancing, truncated to another order; time_s stays that of this one."""
+        with threadpool_limits(1):
+            reduced = self.balanced.truncate(order)
+            missing_N_m, _ = state_space(self.projected).minus(reduced).h_infinity()
+        return replace(self, reduced=reduced, relative_h_infinity=missing_N_m / self.norm_N_m)
 
     def shapes(self) -> Array:
         """(d, order): displacements of the free nodes in each reduced state's direction, mass-normalized."""

@@ -17,21 +17,24 @@ Record = Mapping[str, NDArray[Any]]
 # Records of all runs and studies of a figure, by their names.
 Records = Mapping[str, Record]
 
-SCENE_FOLDER = SCENES / "reproduce"
-
-
 @dataclass(frozen=True)
 class Case:
-    """Something done with a scene in scenes/reproduce. overrides: keys of the scene that it sets otherwise."""
+    """Something done with a scene. overrides: keys of the scene that it sets otherwise; folder: the scene's, in scenes."""
 
     name: str
     scene: str
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    folder: str = field(default="reproduce", kw_only=True)
 
     @property
     def file(self) -> Path:
         """The scene's file."""
-        return SCENE_FOLDER / f"{self.scene}.toml"
+        return SCENES / self.folder / f"{self.scene}.toml"
+
+    @property
+    def shown_file(self) -> str:
+        """The scene's file as in a command."""
+        return f"scenes/{self.folder}/{self.scene}.toml"
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,11 @@ class Run(Case):
 
 @dataclass(frozen=True)
 class Study(Case):
-    """One reduction of the scene's body at the middle of its top, without device and firmware. order: states asked for;
-    dense, tolerance: as in palpate.reduce.study.reduce_system; collect: the study's record, from the reduction."""
+    """One reduction of the scene's body at the middle of its top, without device and firmware. order: states asked for,
+    or None for a check of locality, which takes as many as 1 % needs; dense, tolerance: as in
+    palpate.reduce.study.reduce_system; collect: the study's record, from the reduction."""
 
-    order: int = field(kw_only=True)
+    order: int | None = field(kw_only=True)
     collect: Callable[[Reduction], Record] = field(kw_only=True)
     dense: bool = False
     tolerance: float = DEFAULT_TOLERANCE
@@ -69,7 +73,7 @@ class Table:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One figure or table of the paper.
+    """One figure or table of the paper, or a study beyond them.
 
     claims: quotations in short, each with its section. setting: what was done here, and how that differs. caption: what
     our plot shows. checks: from the records. draw: the plot, into a PNG file. runs, studies: what it rests on. tables:
@@ -96,6 +100,7 @@ class PaperFigure:
 
     @property
     def label(self) -> str:
-        """As the paper calls it: Figure 12, Table 1."""
+        """As the paper calls it: Figure 12, Table 1; what it does not have goes by its name."""
+        number = self.name.lstrip(string.ascii_lowercase)
         kind = "Table" if self.name.startswith("table") else "Figure"
-        return f"{kind} {self.name.lstrip(string.ascii_lowercase)}"
+        return f"{kind} {number}" if number else self.name.capitalize()

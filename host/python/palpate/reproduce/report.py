@@ -78,9 +78,11 @@ def format_tolerance(check: Check) -> str:
 
 def format_command(case: Case, hil: bool) -> str:
     """The command that repeats one run or study."""
-    file = f"scenes/reproduce/{case.scene}.toml"
+    file = case.shown_file
     overrides = "".join(f" --set '{format_override(*item)}'" for item in case.overrides.items())
     if isinstance(case, Study):
+        if case.order is None:
+            return f"./run reduce --check-locality {file}{overrides}"
         method = " --dense" if case.dense else f" --tolerance {case.tolerance:g}"
         return f"./run reduce --scene {file} --order {case.order}{method}{overrides}"
     return f"./run run {file} --board {'mps2_an386' if hil else 'native'}{overrides}"
@@ -121,7 +123,7 @@ def _how(results: Sequence[FigureResult], hil: bool) -> list[str]:
     ways = []
     if any(result.figure.studies for result in results):
         ways.append(
-            "The figures and tables of section 2 reduce linear bodies, on one core, without device and firmware. Their times "
+            "What belongs to section 2 reduces linear bodies, on one core, without device and firmware. Its times "
             "are those of this machine, and the only numbers here that do not repeat."
         )
     if any(result.figure.runs for result in results):
@@ -147,7 +149,7 @@ def _section(result: FigureResult, hil: bool) -> str:
     image = base64.b64encode(result.plot.read_bytes()).decode("ascii")
     commands = "\n".join(html.escape(format_command(case, hil)) for case in figure.cases)
     whole = f"./run reproduce {figure.name}" + (" --hil" if hil and figure.runs else "")
-    scenes = ", ".join(dict.fromkeys(f"<code>scenes/reproduce/{case.scene}.toml</code>" for case in figure.cases))
+    scenes = ", ".join(dict.fromkeys(f"<code>{case.shown_file}</code>" for case in figure.cases))
     return f"""<section id="{figure.name}">
 <h2>{figure.label}. {html.escape(figure.title)} {_verdict(result.passed)}</h2>
 <p>What the paper states:</p>{claims}

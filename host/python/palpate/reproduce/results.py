@@ -41,7 +41,7 @@ class FigureResult:
             "runs": [
                 {
                     "name": run.name,
-                    "scene": f"scenes/reproduce/{run.scene}.toml",
+                    "scene": run.shown_file,
                     "overrides": dict(run.overrides),
                     "board": self.summaries[run.name]["board"],
                     "record_hash": self.summaries[run.name]["record_hash"],
@@ -52,7 +52,7 @@ class FigureResult:
             "studies": [
                 {
                     "name": study.name,
-                    "scene": f"scenes/reproduce/{study.scene}.toml",
+                    "scene": study.shown_file,
                     "overrides": dict(study.overrides),
                     "order": study.order,
                     "dense": study.dense,
