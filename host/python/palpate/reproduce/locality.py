@@ -132,6 +132,7 @@ def draw(records: Records, file: Path) -> None:
     """A column for each body: where the states lie, and what the models miss."""
     figure, axes = plot.grid(2, 3, (0.9, 1.3), share_y=True)
     orders = [int(record["order"]) for record in records.values()]
+    whole = f"whole body, {min(orders)} to {max(orders)} states"
     for column, (name, words) in enumerate(WORDS.items()):
         record = records[name]
         above, below = axes[:, column]
@@ -150,7 +151,7 @@ def draw(records: Records, file: Path) -> None:
                 linewidth=1.6 if i == 0 else 1.0,
                 label=f"{patch_name(record, i)} patch, {int(record['modes'][i])} modes",
             )
-        below.loglog(frequency_Hz, record["reduced_error"], color=plot.GREEN, label=f"whole body, {min(orders)} to {max(orders)} states")
+        below.loglog(frequency_Hz, record["reduced_error"], color=plot.GREEN, label=whole)
         below.set(xlabel="frequency [Hz]")
         if column:
             above.set_ylabel("")
@@ -184,7 +185,7 @@ FIGURE = PaperFigure(
         "two layers down; under a top layer 100 times stiffer. The paper has no such bodies: they are ours.",
         "What a patch around the contact misses, alone and with everything else held, is its force’s difference from the full "
         f"body’s, over the latter, from {UPDATE_RATE_Hz:g} Hz, the rate of the global updates, to 500 Hz. Below, the full body "
-        "corrects the local model. A body counts as local where the paper’s patch, 4x4x2, misses no more than 15 %.",
+        "corrects the local model. A body counts as local where the paper’s patch, 4x4x2, misses at most 15 %.",
     ),
     caption="Above: where the states of the balanced reduction lie, in the section through the contact (triangle), and the 4x4x2 "
     "patch (frame). Below: what each model misses; dashed: 15 %; shade: the local model alone; dotted: more modes than the "
