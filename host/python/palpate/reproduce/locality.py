@@ -187,8 +187,8 @@ FIGURE = PaperFigure(
         f"body’s, over the latter, from {UPDATE_RATE_Hz:g} Hz, the rate of the global updates, to 500 Hz. Below, the full body "
         "corrects the local model. A body counts as local where the paper’s patch, 4x4x2, misses at most 15 %.",
     ),
-    caption="Above: where the states of the balanced reduction lie, in the section through the contact (triangle), and the 4x4x2 "
-    "patch (frame). Below: what each model misses; dashed: 15 %; shade: the local model alone; dotted: more modes than the "
+    caption="Above: where the states of the balanced reduction lie, in the section through the contact (triangle), and the "
+    "4x4x2 patch (frame). Below: what each model misses; dashed: 15 %; shade: the local model alone; dotted: more modes than the "
     "board holds.",
     studies=tuple(Study(name, name, folder="reduce", order=None, collect=collect) for name in WORDS),
     checks=checks,
