@@ -95,7 +95,7 @@ def build_parser() -> argparse.ArgumentParser:
             "--node", type=int, nargs="+", metavar="I", help="contact node I J K, I K in 2D (default: middle of the top)"
         )
         command.add_argument(
-            "--tolerance", type=float, default=1e-6, metavar="E", help="of the projection, certified (default: 1e-6)"
+            "--tolerance", type=float, metavar="E", help="of the projection, certified (default: 1e-6)"
         )
         command.add_argument("--dense", action="store_true", help="balance the whole system, without a projection")
         add_set(command)
@@ -272,12 +272,21 @@ def _reduce(arguments: argparse.Namespace) -> int:
     file: Path | None = arguments.scene or arguments.check_locality
     if file is not None and arguments.n is not None:
         raise SceneError("--n: only for the paper's bodies (--dim); a scene has its own nodes (--set body.nodes=[...])")
-    if not 1e-12 <= arguments.tolerance <= 0.1:
-        raise SceneError(f"--tolerance = {arguments.tolerance:g}: must be in [1e-12, 0.1]")
+    if arguments.check_locality is not None:
+        given = {
+            "--order": arguments.order is not None,
+            "--dense": arguments.dense,
+            "--tolerance": arguments.tolerance is not None,
+        }
+        for option in (name for name, is_given in given.items() if is_given):
+            raise SceneError(f"{option}: not with --check-locality, which chooses its own")
+    tolerance = 1e-6 if arguments.tolerance is None else arguments.tolerance
+    if not 1e-12 <= tolerance <= 0.1:
+        raise SceneError(f"--tolerance = {tolerance:g}: must be in [1e-12, 0.1]")
     dimension = arguments.dim or 2
     overrides = command.paper_overrides(dimension, arguments.n, arguments.damping)
     scene = command.load(file, dimension, {**overrides, **dict(parse_override(text) for text in arguments.set)})
-    request = command.Request(scene, arguments.node, arguments.order, arguments.dense, arguments.tolerance)
+    request = command.Request(scene, arguments.node, arguments.order, arguments.dense, tolerance)
     folder = _output_folder(arguments, "reduce")
     from palpate import _core
 

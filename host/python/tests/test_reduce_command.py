@@ -1,6 +1,7 @@
 """`palpate reduce`: results, verdicts and refusals."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import pytest
 from command import ROOT, palpate
 
 from palpate import _core
-from palpate.reduce.locality import GOOD_ERROR, Locality, check_locality
+from palpate.reduce.command import Request, describe_locality, describe_reduction
+from palpate.reduce.locality import GOOD_ERROR, KRYLOV_MODES, Locality, check_locality
 from palpate.reduce.system import contact_system, linear_body, middle_of_top
 from palpate.scene import load_scene
 
@@ -17,10 +19,10 @@ SCENES = ROOT / "scenes/reduce"
 # Keys of docs/reduction.md.
 REDUCTION_KEYS = {
     "scene", "contact_node", "states", "order", "method", "hankel_singular_values_N_m", "norm_N_m", "error",
-    "projected_states", "shifts_rad_s", "time_s", "files",
+    "projected_states", "shifts_rad_s", "time_s", "system_time_s", "files",
 }  # fmt: skip
 LOCALITY_KEYS = {
-    "scene", "contact_node", "local", "verdict", "good_error", "band_Hz", "state_share_in_first_patch", "recommended",
+    "scene", "contact_node", "local", "verdict", "good_error", "band_Hz", "state_share_in_first_patch", "recommended", "balanced",
     "patches", "frequency_Hz", "response_N_m", "reduced_error", "states", "files",
 }  # fmt: skip
 
@@ -74,6 +76,9 @@ def test_order_and_node_follow_what_is_asked(tmp_path: Path) -> None:
         (("--damping", "0"), "no damper resists"),
         (("--dense", "--dim", "3"), "--dense: 8,706 states: must be at most 1,600"),
         (("--set", 'body.neighbours="axis"'), "no spring resists"),
+        (("--check-locality", "scenes/demo.toml", "--order", "8"), "--order: not with --check-locality"),
+        (("--check-locality", "scenes/demo.toml", "--dense"), "--dense: not with --check-locality"),
+        (("--check-locality", "scenes/demo.toml", "--tolerance", "1e-6"), "--tolerance: not with --check-locality"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -103,6 +108,31 @@ def test_a_homogeneous_body_is_local_and_the_others_are_not(verdicts: dict[str, 
     assert best is not None
     assert (best.along, best.depth, best.modes) == (4, 2, 96)
     assert verdicts["stiff_skin"].recommended is None
+    skin = verdicts["stiff_skin"].to_dict()
+    assert skin["recommended"] == {"builder": "krylov", "patch_nodes": None, "modes": 48}
+    assert skin["balanced"]["order"] == verdicts["stiff_skin"].reduction.order
+    assert 'builder "krylov", 48 modes' in skin["verdict"]
+    assert verdicts["homogeneous"].to_dict()["recommended"] == {
+        "builder": "patch", "patch_nodes": [4, 4, 2], "modes": 96,
+    }  # fmt: skip
+
+
+def test_what_is_recommended_is_a_scene() -> None:
+    """The modes are those of the scene's defaults."""
+    scene = load_scene(SCENES / "stiff_skin.toml", {"model.builder": "krylov"}).sections
+    assert scene.model.builder == "krylov"
+    along, across, _ = scene.model.patch_nodes
+    assert 3 * along * across * len(scene.model.shifts_Hz) == KRYLOV_MODES
+
+
+def test_a_bound_that_says_nothing_is_none(verdicts: dict[str, Locality]) -> None:
+    """In JSON there is no infinity; for a person it is no bound."""
+    locality = verdicts["soft_core"]
+    nothing = replace(locality, reduction=replace(locality.reduction, projection_error=2.0))
+    assert nothing.to_dict()["balanced"]["certified_error"] is None
+    request = Request(load_scene(SCENES / "soft_core.toml"), None, None, dense=False, tolerance=1e-6)
+    assert "no bound" in describe_locality(request, nothing)
+    assert "no bound" in describe_reduction(request, nothing.reduction)
 
 
 @pytest.mark.parametrize("name", ["homogeneous", "soft_core", "stiff_skin"])

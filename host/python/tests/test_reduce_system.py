@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from reduce_bodies import (
     block,
@@ -18,6 +19,7 @@ from reduce_bodies import (
     sheet,
 )
 
+from palpate.reduce.cholesky import ShiftedCholesky
 from palpate.reduce.response import box, direct_response, full_response, local_states, reduced_response
 from palpate.reduce.state_space import state_space
 from palpate.reduce.system import BodyError, LinearBody, contact_system, middle_of_top
@@ -311,3 +313,15 @@ def test_contact_nodes_that_cannot_be(tmp_path: Path) -> None:
     alone = made_body((2, 1, 2), springs, one, one, np.arange(3))
     with pytest.raises(BodyError, match=re.escape("node (1, 0, 1): no other node is free")):
         contact_system(alone, 3)
+
+
+def test_zeros_that_are_stored_do_not_matter() -> None:
+    """Where stiffness and damping both store a zero, their sum stores nothing."""
+    matrix = np.array([[4.0, 1.0, 0.0], [1.0, 5.0, 2.0], [0.0, 2.0, 6.0]])
+    places = np.nonzero(np.ones((3, 3)))
+    stored = sp.csc_matrix((matrix[places], places), shape=(3, 3))
+    assert stored.nnz == 9
+    solve = ShiftedCholesky(stored, 2.0 * stored).factor(1.0, 0.5, 3.0)
+    right = np.array([[1.0], [2.0], [3.0]])
+    np.testing.assert_allclose(solve(right), np.linalg.solve(2.0 * matrix + 3.0 * np.eye(3), right), rtol=1e-13)
+    assert stored.nnz == 9

@@ -25,6 +25,8 @@ class ShiftedCholesky:
         self.damping = sp.csc_matrix(stiffness.shape) if damping is None else damping
         identity = sp.eye_array(size, format="csc")
         lower = [sp.tril(matrix, format="csc") for matrix in (self.stiffness, self.damping, identity)]
+        for matrix in lower:
+            matrix.eliminate_zeros()  # the sum below leaves them out too
         pattern = sp.csc_matrix(sum(abs(matrix) for matrix in lower))
         keys = _keys(pattern)
         self._data = []

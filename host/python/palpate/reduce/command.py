@@ -1,11 +1,14 @@
 """`palpate reduce`: from a scene, or a square or cube of the paper, to a reduction or a verdict on locality."""
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from threadpoolctl import threadpool_limits
 
 from palpate.experiment import ProgressBar
 from palpate.paths import SCENES
@@ -51,7 +54,8 @@ def build_system(core: Any, request: Request) -> ContactSystem:
     """The system of the request's contact node. Raises SceneError, naming the scene's file."""
     body = linear_body(core, request.scene.to_dict())
     try:
-        return contact_system(body, middle_of_top(body) if request.node is None else _node(body, request.node))
+        with threadpool_limits(1):
+            return contact_system(body, middle_of_top(body) if request.node is None else _node(body, request.node))
     except BodyError as error:
         raise SceneError(f"{request.scene.file}: {error}") from None
 
@@ -81,7 +85,7 @@ def reduce_body(core: Any, request: Request, folder: Path, open_bar: OpenBar) ->
         )
     values = {"scene": str(request.scene.file), "contact_node": list(_place(reduction.system)), **reduction.to_dict()}
     files = _write(folder, "reduction", values, lambda file: pictures.draw_reduction(reduction, file))
-    return {**values, "files": files}, _text(request, reduction)
+    return {**values, "files": files}, describe_reduction(request, reduction)
 
 
 def judge_locality(
@@ -95,7 +99,7 @@ def judge_locality(
         locality = check_locality(system, rate_Hz, core.MAX_MODES, bar)
     values = {"scene": str(request.scene.file), "contact_node": list(_place(system)), **locality.to_dict()}
     files = _write(folder, "locality", values, lambda file: pictures.draw_locality(locality, file))
-    return {**values, "files": files}, _locality_text(request, locality), locality.local
+    return {**values, "files": files}, describe_locality(request, locality), locality.local
 
 
 def _place(system: ContactSystem) -> tuple[int, int, int]:
@@ -118,25 +122,34 @@ def _title(request: Request, system: ContactSystem) -> str:
     return f"{request.scene.sections.title or request.scene.file.stem}, contact at node {_place(system)}"
 
 
-def _text(request: Request, reduction: Reduction) -> str:
+def _bound(relative: float) -> str:
+    return f"at most {100 * relative:.3g} %" if math.isfinite(relative) else "no bound"
+
+
+def describe_reduction(request: Request, reduction: Reduction) -> str:
+    """A reduction and its errors, for a person."""
     asked = request.order
     rest = "" if asked is None or reduction.order == asked else f" (asked: {asked}; the rest is rounding)"
     percent = "{:.3g} %".format
     rows = [
         ("states", f"{reduction.system.states:,}"),
         ("order", f"{reduction.order}{rest}"),
-        ("error, certified (H-infinity, relative)", f"at most {percent(100 * reduction.certified_error)}"),
+        ("error, certified (H-infinity, relative)", _bound(reduction.certified_error)),
         ("  of it, of the projection", percent(100 * reduction.projection_error)),
-        ("error by the singular values left out (bound)", percent(100 * reduction.a_priori_bound)),
+        ("error by the singular values left out (bound)", _bound(reduction.a_priori_bound)),
         ("next singular value over the largest", percent(100 * reduction.next_singular_value)),
         ("sum of those left out over the sum", percent(100 * reduction.tail_sum)),
         ("states that were balanced", f"{2 * reduction.projected.size}"),
-        ("time on one core of this machine", f"{reduction.time_s:.3g} s"),
+        (
+            "time on one core of this machine",
+            f"{reduction.time_s:.3g} s, {reduction.system.time_s:.3g} s of it for the system's eigenvalue bounds",
+        ),
     ]
     return _lines(_title(request, reduction.system), rows)
 
 
-def _locality_text(request: Request, locality: Locality) -> str:
+def describe_locality(request: Request, locality: Locality) -> str:
+    """A verdict on locality, for a person."""
     rows = [("states", f"{locality.reduction.system.states:,}")]
     rows += [
         (
@@ -148,8 +161,8 @@ def _locality_text(request: Request, locality: Locality) -> str:
     ]
     rows.append(
         (
-            f"whole body, {locality.reduction.order} states",
-            f"misses at most {100 * locality.reduction.certified_error:.3g} % (certified, of the largest)",
+            f"whole body, balanced, {locality.reduction.order} states",
+            f"error, certified, of the largest: {_bound(locality.reduction.certified_error)}",
         )
     )
     rows.append(("of its states, inside the first patch", f"{100 * locality.state_share:.0f} %"))

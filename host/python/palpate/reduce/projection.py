@@ -19,9 +19,10 @@ every w, so that
 
     |f - f_small| <= max_w |r(i w)|_2^2 / gap,      gap = damped w*,  w*^2 + damped w* = slowest.
 
-r is a transfer function of the small model's states: its H-infinity norm is computed, not sampled. The bound holds for
-every w but for rounding. Measurements: docs/decisions/reduction.md. Source of greedy
-rational Krylov: Druskin and Simoncini (2011), Systems & Control Letters 60; of the error's form: Panzer, Wolf and Lohmann
+r is a transfer function of the small model's states, whose H-infinity norm is an eigenvalue problem (SLICOT's AB13DD). The
+bound holds for every w as far as that norm does: rounding can make AB13DD stop early, so samples back it and NORM_MARGIN is
+added (state_space.py); this one step is not proven. Measurements: docs/decisions/reduction.md. Source of greedy rational
+Krylov: Druskin and Simoncini (2011), Systems & Control Letters 60; of the error's form: Panzer, Wolf and Lohmann
 (2013), European Control Conference.
 """
 
@@ -55,6 +56,8 @@ _LARGEST_COMPLEX_FACTOR = 120_000
 _ITERATIONS = 3
 # Part of a direction that must be new for it to count.
 _NEW = 1e-12
+# Part of F_1 outside the basis that passes for rounding.
+_ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def project(
     if largest < 2 * system.input_stiffness.shape[1]:
         raise ValueError(f"{largest} degrees of freedom: at least twice the number of inputs are needed")
     solver = _Solver(system)
-    basis = _extend(np.zeros((system.size, 0)), _at_infinity(system))
+    basis = _extend(np.zeros((system.size, 0)), _unit(_at_infinity(system)))
     slowest, fastest = np.sqrt(system.slowest_1_s2), np.sqrt(system.fastest_1_s2)
     used = [complex(s) for s in np.geomspace(0.5 * slowest, 2.0 * fastest, _FIRST_SHIFTS)]
     for shift in used:
@@ -217,7 +220,12 @@ def _extend(basis: Array, columns: Array) -> Array:
 
 
 def _residual(system: ContactSystem, basis: Array) -> tuple[SecondOrder, StateSpace]:
-    """The small system, and the residual as a transfer function of its states, in coordinates that keep its length."""
+    """The small system, and the residual as a transfer function of its states, in coordinates that keep its length.
+    ArithmeticError: where F_1 is not in the basis."""
+    first = system.input_damping
+    outside = first - basis @ (basis.T @ first)
+    if np.linalg.norm(outside) > _ROUNDING * np.linalg.norm(first):
+        raise ArithmeticError("the basis lacks the body's answer at infinite frequency: no bound for this projection")
     stiff, damped = system.stiffness_1_s2 @ basis, system.damping_1_s @ basis
     small = SecondOrder(
         _symmetric(basis.T @ stiff),
@@ -225,14 +233,13 @@ def _residual(system: ContactSystem, basis: Array) -> tuple[SecondOrder, StateSp
         basis.T @ system.input_stiffness,
         basis.T @ system.input_damping,
     )
-    parts = np.hstack([stiff, damped, system.input_stiffness, system.input_damping])
+    parts = np.hstack([stiff, damped, system.input_stiffness])
     parts = parts - basis @ (basis.T @ parts)
     parts = parts - basis @ (basis.T @ parts)
     upper = scipy.linalg.qr(parts, mode="r")[0][: parts.shape[1]]
-    q, m = small.size, system.input_stiffness.shape[1]
-    stiff, damped, force = upper[:, :q], upper[:, q : 2 * q], upper[:, 2 * q : 2 * q + m]
-    # x = V z with z from the state space, whose velocities are x' = w - F_1 u. F_1 itself lies in the basis, but for
-    # rounding.
+    q = small.size
+    stiff, damped, force = upper[:, :q], upper[:, q : 2 * q], upper[:, 2 * q :]
+    # x = V z with z from the state space, whose velocities are x' = w - F_1 u.
     states = state_space(small)
     scale = states.a[0, q]
     output = np.hstack([stiff / scale, damped])
