@@ -95,7 +95,7 @@ def build_parser() -> argparse.ArgumentParser:
             "--node", type=int, nargs="+", metavar="I", help="contact node I J K, I K in 2D (default: middle of the top)"
         )
         command.add_argument(
-            "--tolerance", type=float, metavar="E", help="of the projection, certified (default: 1e-6)"
+            "--tolerance", type=float, default=1e-6, metavar="E", help="of the projection, certified (default: 1e-6)"
         )
         command.add_argument("--dense", action="store_true", help="balance the whole system, without a projection")
         add_set(command)
@@ -276,11 +276,11 @@ def _reduce(arguments: argparse.Namespace) -> int:
         given = {
             "--order": arguments.order is not None,
             "--dense": arguments.dense,
-            "--tolerance": arguments.tolerance is not None,
+            "--tolerance": arguments.tolerance != 1e-6,
         }
         for option in (name for name, is_given in given.items() if is_given):
             raise SceneError(f"{option}: not with --check-locality, which chooses its own")
-    tolerance = 1e-6 if arguments.tolerance is None else arguments.tolerance
+    tolerance: float = arguments.tolerance
     if not 1e-12 <= tolerance <= 0.1:
         raise SceneError(f"--tolerance = {tolerance:g}: must be in [1e-12, 0.1]")
     dimension = arguments.dim or 2

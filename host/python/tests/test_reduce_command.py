@@ -78,7 +78,7 @@ def test_order_and_node_follow_what_is_asked(tmp_path: Path) -> None:
         (("--set", 'body.neighbours="axis"'), "no spring resists"),
         (("--check-locality", "scenes/demo.toml", "--order", "8"), "--order: not with --check-locality"),
         (("--check-locality", "scenes/demo.toml", "--dense"), "--dense: not with --check-locality"),
-        (("--check-locality", "scenes/demo.toml", "--tolerance", "1e-6"), "--tolerance: not with --check-locality"),
+        (("--check-locality", "scenes/demo.toml", "--tolerance", "1e-5"), "--tolerance: not with --check-locality"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

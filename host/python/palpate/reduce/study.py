@@ -104,7 +104,7 @@ class Reduction:
         """The same projection and balancing, truncated to another order; time_s stays that of this one."""
         with threadpool_limits(1):
             reduced = self.balanced.truncate(order)
-            missing_N_m, _ = state_space(self.projected).minus(reduced).h_infinity()
+            missing_N_m = _norm_N_m(state_space(self.projected).minus(reduced))
         return replace(self, reduced=reduced, relative_h_infinity=missing_N_m / self.norm_N_m)
 
     def shapes(self) -> Array:
@@ -158,9 +158,9 @@ def reduce_system(
             error_N_m, shifts = projection.error_N_m, projection.shifts_rad_s
         balanced = balance(small)
         strictly_proper = state_space(small)
-        norm_N_m = strictly_proper.h_infinity()[0] / (1.0 + NORM_MARGIN)  # a lower bound, for it divides
+        norm_N_m = _norm_N_m(strictly_proper)
         reduced = balanced.truncate(_order(balanced.hankel, norm_N_m) if order is None else order)
-        missing_N_m = strictly_proper.minus(reduced).h_infinity()[0] / (1.0 + NORM_MARGIN)
+        missing_N_m = _norm_N_m(strictly_proper.minus(reduced))
         time_s = time.perf_counter() - start_s
     return Reduction(
         system,
@@ -174,6 +174,11 @@ def reduce_system(
         missing_N_m / norm_N_m,
         time_s,
     )
+
+
+def _norm_N_m(system: StateSpace) -> float:
+    """The H-infinity norm as found: a lower bound, without the margin."""
+    return system.h_infinity()[0] / (1.0 + NORM_MARGIN)
 
 
 def finite(bound: float) -> float | None:
