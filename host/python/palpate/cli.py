@@ -290,11 +290,10 @@ def _reduce(arguments: argparse.Namespace) -> int:
     folder = _output_folder(arguments, "reduce")
     from palpate import _core
 
-    good = True
     if arguments.check_locality is not None:
         values, text, good = command.judge_locality(_core, request, folder, _progress)
     else:
-        values, text = command.reduce_body(_core, request, folder, _progress)
+        values, text, good = command.reduce_body(_core, request, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(text, file=table)
     for i, written in enumerate(values["files"].values()):

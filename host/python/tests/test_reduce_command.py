@@ -18,7 +18,7 @@ from palpate.scene import load_scene
 SCENES = ROOT / "scenes/reduce"
 # Keys of docs/reduction.md.
 REDUCTION_KEYS = {
-    "scene", "contact_node", "states", "order", "method", "hankel_singular_values_N_m", "norm_N_m", "error",
+    "scene", "contact_node", "converged", "states", "order", "method", "hankel_singular_values_N_m", "norm_N_m", "error",
     "projected_states", "shifts_rad_s", "time_s", "system_time_s", "files",
 }  # fmt: skip
 LOCALITY_KEYS = {
@@ -48,6 +48,19 @@ def test_the_papers_square(tmp_path: Path) -> None:
     assert (code, dense["method"]) == (0, "dense")
     kept = values["hankel_singular_values_N_m"]
     np.testing.assert_allclose(kept, dense["hankel_singular_values_N_m"][: len(kept)], atol=1e-8 * kept[0])
+
+
+def test_a_projection_that_misses_its_tolerance_fails(tmp_path: Path) -> None:
+    code, values = reduce_json(tmp_path, "--n", "20", "--damping", "0.001", "--order", "20")
+    assert (code, values["converged"]) == (1, False)
+    assert values["error"]["projection"] is None or values["error"]["projection"] > 1e-6
+
+
+def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = palpate("reduce", "--n", "5", "--out", str(tmp_path / "file/out"))
+    assert done.returncode == 2
+    assert "must be a folder that can be written" in done.stderr
 
 
 def test_order_and_node_follow_what_is_asked(tmp_path: Path) -> None:

@@ -71,21 +71,36 @@ def _node(body: LinearBody, indices: Sequence[int]) -> int:
     return i + nx * (j + ny * k)
 
 
-def reduce_body(core: Any, request: Request, folder: Path, open_bar: OpenBar) -> tuple[dict[str, Any], str]:
-    """Reduces, writes reduction.json and reduction.png to the folder; what `--json` prints, and the text for a person.
-    Raises SceneError."""
+def reduce_body(
+    core: Any, request: Request, folder: Path, open_bar: OpenBar
+) -> tuple[dict[str, Any], str, bool]:
+    """Reduces, writes reduction.json and reduction.png to the folder; what `--json` prints, the text for a person, and
+    whether the projection came to its tolerance. Raises SceneError."""
     system = build_system(core, request)
     if request.dense and system.states > LARGEST_DENSE:
         raise SceneError(f"--dense: {system.states:,} states: must be at most {LARGEST_DENSE:,}")
     if request.order is not None and not 1 <= request.order <= system.states:
         raise SceneError(f"--order = {request.order}: must be in [1, {system.states}], the body's states")
+    _make(folder)
     with open_bar(f"reducing {system.states:,} states", "step") as bar:
         reduction = reduce_system(
             system, request.order, dense=request.dense, tolerance=request.tolerance, progress=bar
         )
-    values = {"scene": str(request.scene.file), "contact_node": list(_place(reduction.system)), **reduction.to_dict()}
+    converged = reduction.projection_error <= request.tolerance
+    values = {
+        "scene": str(request.scene.file),
+        "contact_node": list(_place(reduction.system)),
+        "converged": converged,
+        **reduction.to_dict(),
+    }
     files = _write(folder, "reduction", values, lambda file: pictures.draw_reduction(reduction, file))
-    return {**values, "files": files}, describe_reduction(request, reduction)
+    text = describe_reduction(request, reduction)
+    if not converged:
+        text += (
+            f"\nThe projection missed its tolerance of {request.tolerance:g}: {2 * reduction.projected.size} states are its "
+            f"most, too few for a body that rings so long; raise --tolerance, or, up to {LARGEST_DENSE:,} states, use --dense."
+        )
+    return {**values, "files": files}, text, converged
 
 
 def judge_locality(
@@ -95,6 +110,7 @@ def judge_locality(
     Raises SceneError."""
     system = build_system(core, request)
     rate_Hz = request.scene.sections.rates.model_update_Hz
+    _make(folder)
     with open_bar(f"reducing {system.states:,} states", "step") as bar:
         locality = check_locality(system, rate_Hz, core.MAX_MODES, bar)
     values = {"scene": str(request.scene.file), "contact_node": list(_place(system)), **locality.to_dict()}
@@ -106,8 +122,15 @@ def _place(system: ContactSystem) -> tuple[int, int, int]:
     return system.body.coordinates(system.contact_node)
 
 
+def _make(folder: Path) -> None:
+    """Before anything is computed, so that a folder that can't be written is told of at once."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SceneError(f"--out = {folder}: must be a folder that can be written ({error.strerror})") from None
+
+
 def _write(folder: Path, name: str, values: Mapping[str, Any], draw: Callable[[Path], None]) -> dict[str, str]:
-    folder.mkdir(parents=True, exist_ok=True)
     picture, data = folder / f"{name}.png", folder / f"{name}.json"
     draw(picture)
     data.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -110,8 +110,12 @@ class Locality:
         return (
             f"Not local. {measured}; good is {100 * GOOD_ERROR:.0f} %, and {unfit}. Try builder "
             f"\"krylov\", {KRYLOV_MODES} modes of the whole body; this check does not measure it, a run does. A balanced "
-            f"reduction, which is no builder, would need {order} states for 1 %."
+            f"reduction, which is no builder, has {order} states with an error of {self._certified()}."
         )
+
+    def _certified(self) -> str:
+        error = self.reduction.certified_error
+        return f"at most {100 * error:.2g} %" if np.isfinite(error) else "no known bound"
 
     def to_dict(self) -> dict[str, Any]:
         """What `--json` prints."""
