@@ -1,7 +1,6 @@
 #include "host/linearize/krylov_builder.hpp"
 
 #include <algorithm>
-#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -14,6 +13,38 @@ namespace {
 // Bases that are remembered: 3.3 MB each for 12 x 12 x 12 nodes and 96 modes. A hand that draws over a face
 // of such a body meets 81 patches of 4 x 4 nodes.
 constexpr std::size_t kRemembered = 128;
+
+// Springs whose tangent has changed by less than this part of their stiffness count as at rest: so far from
+// the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
+constexpr double kUnchanged = 3e-2;
+
+struct Reduced {
+  Eigen::MatrixXd stiffness, damping;  // modes x modes
+};
+
+// Phi' K Phi and Phi' B Phi: those at rest, and what the changed springs add.
+Reduced changed(const Body& body, const std::vector<TangentChange>& changes, const WholeBodyBasis& span) {
+  const Eigen::Index modes = span.lambda_rad2_s2.size(), springs = std::ssize(changes);
+  // Transposed, so that a spring's part lies together in memory: 3 columns each.
+  Eigen::MatrixXd separation = Eigen::MatrixXd::Zero(modes, 3 * springs);
+  Eigen::MatrixXd force(modes, 3 * springs), drag(modes, 3 * springs);
+  for (Eigen::Index s = 0; s < springs; ++s) {
+    const TangentChange& change = changes[static_cast<std::size_t>(s)];
+    for (const int axis : body.axes()) {
+      if (const int dof = body.dof(change.j, axis); dof >= 0)
+        separation.col(3 * s + axis) += span.basis_1_sqrt_kg.row(dof).transpose();
+      if (const int dof = body.dof(change.i, axis); dof >= 0)
+        separation.col(3 * s + axis) -= span.basis_1_sqrt_kg.row(dof).transpose();
+    }
+    const auto part = separation.middleCols<3>(3 * s);
+    force.middleCols<3>(3 * s) = part * change.stiffness_N_m;
+    drag.middleCols<3>(3 * s) = part * change.damping_N_s_m;
+  }
+  Reduced reduced{force * separation.transpose(), drag * separation.transpose()};
+  reduced.stiffness.diagonal() += span.lambda_rad2_s2;
+  reduced.damping += span.damping_1_s;
+  return reduced;
+}
 
 }  // namespace
 
@@ -29,7 +60,8 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
                            capacity.modes / (3 * std::max(1, static_cast<int>(shift_rad_s.size()))))),
       reduction_(body, shift_rad_s),
       forces_(body),
-      excitation_(body.dof_count(), 2) {
+      excitation_(body.dof_count(), 2),
+      bent_(body) {
   if (port_limit_ < patch.along_first * patch.along_second)
     throw std::invalid_argument(
         "the local model has 3 modes for each of " + std::to_string(patch.along_first * patch.along_second) +
@@ -65,20 +97,15 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
     surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));
 
   LocalModel model;
-  model.lambda_rad2_s2 = span.lambda_rad2_s2;
-  model.damping_rad_s = span.damping_rad_s;
-  model.damping_coupling = span.damping_coupling;
-  std::optional<ModalBasis> turned;  // the frame's modes in terms of those at rest
-  if (at_ == TangentAt::frame && count > 0) {
-    const Tangent now = tangent(body_, state);
-    const Eigen::MatrixXd& phi = span.basis_1_sqrt_kg;
-    turned = reduce_to_modes(-phi.transpose() * (now.df_dx_N_m * phi),
-                             -phi.transpose() * (now.df_dv_N_s_m * phi), Eigen::VectorXd::Ones(count));
-    model.lambda_rad2_s2 = turned->lambda_rad2_s2;
-    model.damping_rad_s = turned->damping_rad_s;
-    model.damping_coupling = turned->damping_coupling;
-    model.stiffness_asymmetry = turned->stiffness_asymmetry;
-  }
+  // At rest no spring has changed, and the modes are those of the span.
+  changes_.clear();
+  if (at_ == TangentAt::frame) bent_.find(state, kUnchanged, changes_);
+  const auto [stiffness, damping] = changed(body_, changes_, span);
+  const ModalBasis turned = reduce_to_modes(stiffness, damping, Eigen::VectorXd::Ones(count));
+  model.lambda_rad2_s2 = turned.lambda_rad2_s2;
+  model.damping_rad_s = turned.damping_rad_s;
+  model.damping_coupling = turned.damping_coupling;
+  model.stiffness_asymmetry = turned.stiffness_asymmetry;
   set_step(model, step_s_);
 
   forces_.evaluate(state, force_N_);
@@ -90,8 +117,8 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
       excitation_(dof, 1) = body_.mass_kg(node) * state.velocity_m_s(axis, node);
     }
   }
-  Eigen::MatrixXd modal = span.basis_1_sqrt_kg.transpose() * excitation_;
-  if (turned) modal = turned->basis_1_sqrt_kg.transpose() * modal;
+  const Eigen::MatrixXd modal =
+      turned.basis_1_sqrt_kg.transpose() * (span.basis_1_sqrt_kg.transpose() * excitation_);
   model.q = Eigen::VectorXd::Zero(count);
   model.p = modal.col(1);
   model.load = modal.col(0) + model.damping_rad_s.cwiseProduct(model.p);
@@ -109,7 +136,7 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
   Eigen::MatrixXd dof_basis(static_cast<Eigen::Index>(rows.size()), count);
   for (std::size_t d = 0; d < rows.size(); ++d)
     dof_basis.row(static_cast<Eigen::Index>(d)) = span.basis_1_sqrt_kg.row(rows[d]);
-  if (turned) dof_basis *= turned->basis_1_sqrt_kg;
+  dof_basis *= turned.basis_1_sqrt_kg;
   set_surface(model, state, std::move(surface), std::move(dof_node), std::move(dof_axis),
               std::move(dof_basis));
   return model;

@@ -18,6 +18,7 @@
 #include "host/linearize/model_builder.hpp"
 #include "host/linearize/whole_body_basis.hpp"
 #include "host/msd/forces.hpp"
+#include "host/msd/tangent.hpp"
 
 namespace palpate::host {
 
@@ -50,7 +51,9 @@ class KrylovBuilder final : public ModelBuilder {
   ForceEvaluator forces_;
   Eigen::Matrix3Xd force_N_;
   Eigen::MatrixXd excitation_;  // degrees of freedom x 2: forces, momenta
-  std::list<Entry> bases_;      // latest used first
+  TangentChanges bent_;
+  std::vector<TangentChange> changes_;
+  std::list<Entry> bases_;  // latest used first
   std::size_t computed_ = 0;
 };
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <numbers>
@@ -10,6 +11,7 @@
 
 #include "host/linearize/patch_builder.hpp"
 #include "host/msd/semi_implicit_euler.hpp"
+#include "host/msd/tangent.hpp"
 #include "host/msd/test_bodies.hpp"
 
 namespace palpate::host {
@@ -101,6 +103,26 @@ TEST_F(Krylov, FollowsTheWholeBodyWhereThePatchCannot) {
       deviation_under(body_, build_patch(body_, rest, contact, kPatch, kTick_s), node, force_N);
   EXPECT_LT(krylov.model_m, 0.02 * krylov.body_m);
   EXPECT_GT(patch.model_m, 5.0 * krylov.model_m);
+}
+
+TEST_F(Krylov, TheFramesTangentIsThatOfTheWholeBody) {
+  // Against the tangent of all springs, in the span at rest: modes' frequencies squared are the eigenvalues
+  // there. What springs that have changed by less than 3 % may add is 3 % of the stiffness.
+  const BodyState state = moving_state(body_);
+  const SurfacePoint contact = top_at(body_, 0.0, 0.0);
+  KrylovBuilder at_rest(body_, kPatch, TangentAt::rest, {0.0}, kTick_s);
+  KrylovBuilder of_frame(body_, kPatch, TangentAt::frame, {0.0}, kTick_s);
+  const LocalModel rest = at_rest.build(state, contact, {});
+  const LocalModel frame = of_frame.build(state, contact, {});
+  const WholeBodyBasis span = WholeBodyReduction(body_, {0.0}).reduce(frame.node);
+  const Tangent now = tangent(body_, state);
+  const Eigen::MatrixXd stiffness =
+      -span.basis_1_sqrt_kg.transpose() * (now.df_dx_N_m * span.basis_1_sqrt_kg);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> exact(0.5 * (stiffness + stiffness.transpose()));
+  ASSERT_EQ(frame.modes(), exact.eigenvalues().size());
+  EXPECT_LT((frame.lambda_rad2_s2 - exact.eigenvalues()).norm(), 0.03 * exact.eigenvalues().norm());
+  EXPECT_LT((frame.lambda_rad2_s2 - exact.eigenvalues()).norm(),
+            0.5 * (rest.lambda_rad2_s2 - exact.eigenvalues()).norm());
 }
 
 TEST_F(Krylov, StartsAsTheNonLinearBodyMoves) {

@@ -105,11 +105,8 @@ WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
   if (solver.info() != Eigen::Success)
     throw std::runtime_error("the eigenproblem of the reduced stiffness did not converge");
   const Eigen::MatrixXd modes = orthonormal * solver.eigenvectors();
-  const Eigen::MatrixXd damping = modes.transpose() * (f.damping * modes);
+  reduced.damping_1_s = modes.transpose() * (f.damping * modes);
   reduced.lambda_rad2_s2 = solver.eigenvalues();
-  reduced.damping_rad_s = damping.diagonal();
-  const Eigen::MatrixXd coupling = damping - Eigen::MatrixXd(damping.diagonal().asDiagonal());
-  reduced.damping_coupling = damping.norm() > 0 ? coupling.norm() / damping.norm() : 0.0;
   reduced.basis_1_sqrt_kg = f.root_mass.cwiseInverse().asDiagonal() * modes;
   return reduced;
 }

@@ -19,9 +19,8 @@ namespace palpate::host {
 // x = Phi q of all degrees of freedom (Body::dof), Phi' M Phi = I, Phi' K Phi = diag(lambda).
 struct WholeBodyBasis {
   Eigen::VectorXd lambda_rad2_s2;   // ascending
-  Eigen::VectorXd damping_rad_s;    // diagonal of Phi' B Phi
+  Eigen::MatrixXd damping_1_s;      // Phi' B Phi
   Eigen::MatrixXd basis_1_sqrt_kg;  // Phi: degrees of freedom x modes
-  double damping_coupling = 0;      // off-diagonal part of Phi' B Phi relative to the whole, Frobenius norm
 };
 
 // Factors of the body at rest, once for each frequency. One object per thread. The body must outlive it.

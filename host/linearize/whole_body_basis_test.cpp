@@ -48,8 +48,8 @@ template <class Scalar>
 Eigen::Matrix<Scalar, -1, -1> compliance(const WholeBodyBasis& basis, Scalar s,
                                          const std::vector<int>& dofs) {
   const Eigen::MatrixXd phi = basis.basis_1_sqrt_kg(dofs, Eigen::all);
-  const auto denominator =
-      (basis.lambda_rad2_s2.cast<Scalar>().array() + s * basis.damping_rad_s.cast<Scalar>().array() + s * s);
+  const auto denominator = (basis.lambda_rad2_s2.cast<Scalar>().array() +
+                            s * basis.damping_1_s.diagonal().cast<Scalar>().array() + s * s);
   return phi.cast<Scalar>() * denominator.inverse().matrix().asDiagonal() * phi.transpose().cast<Scalar>();
 }
 
@@ -83,8 +83,10 @@ TEST_F(WholeBody, ModesAreOrthonormalAndDiagonal) {
   const Eigen::MatrixXd lambda = basis.lambda_rad2_s2.asDiagonal();
   EXPECT_LT((phi.transpose() * full.stiffness * phi - lambda).norm(), kRounding * lambda.norm());
   const Eigen::MatrixXd damping = phi.transpose() * full.damping * phi;
-  EXPECT_LT((damping.diagonal() - basis.damping_rad_s).norm(), kRounding * damping.norm());
-  EXPECT_LT(basis.damping_coupling, kRounding);  // one material: proportional
+  EXPECT_LT((damping - basis.damping_1_s).norm(), kRounding * damping.norm());
+  // One material: proportional, so diagonal.
+  const Eigen::MatrixXd diagonal = damping.diagonal().asDiagonal();
+  EXPECT_LT((damping - diagonal).norm(), kRounding * damping.norm());
 }
 
 TEST_F(WholeBody, AnswersExactlyAtItsOwnFrequencies) {

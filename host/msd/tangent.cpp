@@ -116,4 +116,27 @@ SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std
   return result;
 }
 
+TangentChanges::TangentChanges(const Body& body) : body_(body) {
+  const BodyState rest = body.rest_state();
+  rest_.reserve(body.springs().size());
+  for (const Spring& spring : body.springs()) {
+    const SpringTangent at_rest = spring_tangent(spring, rest);
+    rest_.push_back({spring.i, spring.j, at_rest.by_separation_N_m, at_rest.by_velocity_N_s_m});
+  }
+}
+
+void TangentChanges::find(const BodyState& state, double tolerance,
+                          std::vector<TangentChange>& changes) const {
+  changes.clear();
+  for (std::size_t s = 0; s < rest_.size(); ++s) {
+    const Spring& spring = body_.springs()[s];
+    const SpringTangent now = spring_tangent(spring, state);
+    const TangentChange change{spring.i, spring.j, now.by_separation_N_m - rest_[s].stiffness_N_m,
+                               now.by_velocity_N_s_m - rest_[s].damping_N_s_m};
+    if (change.stiffness_N_m.norm() > tolerance * spring.stiffness_N_m ||
+        change.damping_N_s_m.norm() > tolerance * spring.damping_N_s_m)
+      changes.push_back(change);
+  }
+}
+
 }  // namespace palpate::host

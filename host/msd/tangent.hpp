@@ -37,4 +37,27 @@ struct SubsetTangent {
 // comes twice.
 SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std::vector<int>& nodes);
 
+// A spring whose tangent is not what it is at rest: what is added to -df_dx and -df_dv for the separation
+// x_j - x_i.
+struct TangentChange {
+  int i = 0, j = 0;
+  Eigen::Matrix3d stiffness_N_m = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d damping_N_s_m = Eigen::Matrix3d::Zero();
+};
+
+// Finds them. The body must outlive it.
+class TangentChanges {
+ public:
+  explicit TangentChanges(const Body& body);
+
+  // The springs whose stiffness or damping differs from that at rest by more than `tolerance` of the spring's
+  // own, in the Frobenius norm, in the order of Body::springs. What is left out is at most that, in whatever
+  // direction a spring is stretched. Replaces `changes`.
+  void find(const BodyState& state, double tolerance, std::vector<TangentChange>& changes) const;
+
+ private:
+  const Body& body_;
+  std::vector<TangentChange> rest_;  // the tangents at rest
+};
+
 }  // namespace palpate::host

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <numeric>
 #include <stdexcept>
 #include <vector>
@@ -112,6 +113,50 @@ TEST(Tangent, CoincidentNodesContributeNothing) {
   BodyState state = body.rest_state();
   state.position_m.setZero();
   EXPECT_EQ(tangent(body, state).df_dx_N_m.norm(), 0.0);
+}
+
+// K and B of the changes alone, over the body's degrees of freedom.
+std::array<Eigen::MatrixXd, 2> assembled(const Body& body, const std::vector<TangentChange>& changes) {
+  Eigen::MatrixXd k = Eigen::MatrixXd::Zero(body.dof_count(), body.dof_count()), b = k;
+  for (const TangentChange& change : changes)
+    for (const int row_node : {change.i, change.j})
+      for (const int column_node : {change.i, change.j})
+        for (const int row_axis : body.axes())
+          for (const int column_axis : body.axes()) {
+            const int row = body.dof(row_node, row_axis), column = body.dof(column_node, column_axis);
+            if (row < 0 || column < 0) continue;
+            const double sign = row_node == column_node ? 1.0 : -1.0;
+            k(row, column) += sign * change.stiffness_N_m(row_axis, column_axis);
+            b(row, column) += sign * change.damping_N_s_m(row_axis, column_axis);
+          }
+  return {k, b};
+}
+
+TEST(TangentChanges, AddUpToTheDifferenceFromRest) {
+  for (const Body& body : bodies()) {
+    const BodyState state = test::random_state(body, 4, 0.003, 0.5);
+    const Tangent now = tangent(body, state), rest = tangent(body, body.rest_state());
+    std::vector<TangentChange> changes;
+    TangentChanges(body).find(state, 0.0, changes);
+    const auto [k, b] = assembled(body, changes);
+    EXPECT_LT((k + Eigen::MatrixXd(now.df_dx_N_m - rest.df_dx_N_m)).norm(), 1e-12 * now.df_dx_N_m.norm());
+    EXPECT_LE((b + Eigen::MatrixXd(now.df_dv_N_s_m - rest.df_dv_N_s_m)).norm(),
+              1e-12 * now.df_dv_N_s_m.norm());
+  }
+}
+
+TEST(TangentChanges, AreThoseNearWhatHasMoved) {
+  const Body body = make_lattice(test::reference_spec(6));
+  const int moved = body.lattice()->node(2, 2, 3);
+  BodyState state = body.rest_state();
+  state.position_m(2, moved) += 0.002;
+  std::vector<TangentChange> changes;
+  TangentChanges(body).find(state, 1e-2, changes);
+  EXPECT_FALSE(changes.empty());
+  EXPECT_LE(changes.size(), body.springs_of(moved).size());
+  for (const TangentChange& change : changes) EXPECT_TRUE(change.i == moved || change.j == moved);
+  TangentChanges(body).find(body.rest_state(), 0.0, changes);
+  EXPECT_TRUE(changes.empty());
 }
 
 }  // namespace
