@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "shared/contact/contact.hpp"
+#include "shared/contact/test_grid.hpp"
 
 namespace palpate {
 namespace {
@@ -50,12 +51,7 @@ class Cube {
   std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(corners_.size()); }
   std::array<std::uint32_t, 3> corners(std::uint32_t t) const { return corners_[t]; }
   std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {
-    const std::uint32_t start = corners_[t][(c + 1) % 3], end = corners_[t][(c + 2) % 3];
-    for (std::uint32_t other = 0; other < corners_.size(); ++other)
-      for (std::uint32_t k = 0; k < 3; ++k)
-        if (corners_[other][k] == end && corners_[other][(k + 1) % 3] == start)
-          return static_cast<std::int32_t>(other);
-    return kNoTriangle;
+    return test::neighbour_across(corners_, t, c);
   }
   Friction<double> friction(std::uint32_t) const { return {}; }
   Nearness nearness(const Vec3d&, const Vec3d&, double) { return Nearness::near; }

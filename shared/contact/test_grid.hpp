@@ -9,6 +9,18 @@
 
 namespace palpate::test {
 
+// The triangle across the edge of `t` opposite to corner `c`, as ContactSurface has it; kNoTriangle at a
+// border.
+inline std::int32_t neighbour_across(const std::vector<std::array<std::uint32_t, 3>>& corners,
+                                     std::uint32_t t, std::uint32_t c) {
+  const std::uint32_t start = corners[t][(c + 1) % 3], end = corners[t][(c + 2) % 3];
+  for (std::uint32_t other = 0; other < corners.size(); ++other)
+    for (std::uint32_t k = 0; k < 3; ++k)
+      if (corners[other][k] == end && corners[other][(k + 1) % 3] == start)
+        return static_cast<std::int32_t>(other);
+  return kNoTriangle;
+}
+
 // `side` x `side` nodes, row by row; two triangles a cell, counter-clockwise seen from above.
 class GridTriangles {
  public:
@@ -26,12 +38,7 @@ class GridTriangles {
   [[nodiscard]] auto end() const { return corners_.end(); }
   // Across the edge opposite to corner `c`, as ContactSurface has it.
   [[nodiscard]] std::int32_t neighbour(std::uint32_t t, std::uint32_t c) const {
-    const std::uint32_t start = corners_[t][(c + 1) % 3], end = corners_[t][(c + 2) % 3];
-    for (std::uint32_t other = 0; other < corners_.size(); ++other)
-      for (std::uint32_t k = 0; k < 3; ++k)
-        if (corners_[other][k] == end && corners_[other][(k + 1) % 3] == start)
-          return static_cast<std::int32_t>(other);
-    return kNoTriangle;
+    return neighbour_across(corners_, t, c);
   }
 
  private:

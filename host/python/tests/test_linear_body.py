@@ -10,7 +10,7 @@ from command import ROOT
 from numpy.typing import NDArray
 from scipy import sparse
 
-from palpate import _core
+from palpate import _core, scene_checks
 from palpate.scene import load_scene
 
 Bodies = Callable[[str], dict[str, Any]]
@@ -194,3 +194,8 @@ def test_bodies_of_the_reduction_study(name: str, springs: dict[float, int]) -> 
         body["spring_damping_N_s_m"], np.sqrt(2 * 0.001 * body["spring_stiffness_N_m"]), rtol=1e-15
     )
     np.linalg.cholesky(matrix(body, "stiffness"))  # raises where the body is not held in every way
+
+
+def test_scenes_know_the_boards_modes() -> None:
+    # The scene's checks do without the core; the number is written twice.
+    assert scene_checks.MAX_MODES == _core.MAX_MODES
