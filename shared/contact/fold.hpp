@@ -94,7 +94,8 @@ Fold<Real> fold_at(Surface& surface, std::uint32_t triangle, const Vec3<Real>& b
 }
 
 // Looks for the planes that hold the tip: one, two or three of them; the arguments are solve_coulomb's. Where
-// none will do, which friction may cause, the contact point's own plane holds it alone.
+// none will do, which friction may cause, the tip sticks for this step, whatever the cones; where that would
+// pull, the contact point's own plane holds it alone.
 template <class Real>
 class FoldSolver {
  public:
