@@ -3,16 +3,13 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "host/linearize/modal_reduction.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
 namespace {
-
-// Bases that are remembered: 3.3 MB each for 12 x 12 x 12 nodes and 96 modes. A hand that draws over a face
-// of such a body meets 81 patches of 4 x 4 nodes.
-constexpr std::size_t kRemembered = 128;
 
 // Springs whose tangent has changed by less than this part of their stiffness count as at rest: so far from
 // the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
@@ -46,6 +43,21 @@ Reduced changed(const Body& body, const std::vector<TangentChange>& changes, con
   return reduced;
 }
 
+// Sets the degrees of freedom of these nodes, and their rows of the span.
+void set_dofs(LocalModel& model, const Body& body, const WholeBodyBasis& span,
+              const std::vector<int>& nodes) {
+  std::vector<int> rows;
+  for (const int node : nodes) {
+    for (const int axis : body.axes()) {
+      if (body.dof(node, axis) < 0) continue;
+      model.dof_node.push_back(node);
+      model.dof_axis.push_back(axis);
+      rows.push_back(body.dof(node, axis));
+    }
+  }
+  model.dof_basis = span.basis_1_sqrt_kg(rows, Eigen::all);
+}
+
 }  // namespace
 
 KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
@@ -58,7 +70,7 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
       capacity_(capacity),
       port_limit_(std::min(capacity.surface_nodes,
                            capacity.modes / (3 * std::max(1, static_cast<int>(shift_rad_s.size()))))),
-      reduction_(body, shift_rad_s),
+      store_(body, shift_rad_s),
       forces_(body),
       excitation_(body.dof_count(), 2),
       bent_(body) {
@@ -69,17 +81,53 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
         std::to_string(capacity.modes) + " in all");
 }
 
-const WholeBodyBasis& KrylovBuilder::basis(const std::vector<int>& surface) {
-  const auto known =
-      std::find_if(bases_.begin(), bases_.end(), [&](const Entry& e) { return e.first == surface; });
-  if (known != bases_.end()) {
-    bases_.splice(bases_.begin(), bases_, known);
-  } else {
-    bases_.emplace_front(surface, reduction_.reduce(surface));
-    ++computed_;
-    if (bases_.size() > kRemembered) bases_.pop_back();
+const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const WholeBodyBasis> span,
+                                                    const std::vector<int>& nodes) {
+  if (at_rest_.span == span && at_rest_.nodes == nodes) return at_rest_;
+  LocalModel model;
+  // The span's modes are those of the tangent at rest.
+  model.lambda_rad2_s2 = span->lambda_rad2_s2;
+  model.damping_rad_s = span->damping_1_s.diagonal();
+  const Eigen::MatrixXd coupling = span->damping_1_s - Eigen::MatrixXd(model.damping_rad_s.asDiagonal());
+  if (const double all = span->damping_1_s.norm(); all > 0) model.damping_coupling = coupling.norm() / all;
+  set_step(model, step_s_);
+  set_dofs(model, body_, *span, nodes);
+  at_rest_ = {std::move(span), nodes, std::move(model)};
+  return at_rest_;
+}
+
+LocalModel KrylovBuilder::of_frame(const BodyState& state, const WholeBodyBasis& span,
+                                   const std::vector<int>& nodes, Eigen::MatrixXd& modes) {
+  bent_.find(state, kUnchanged, changes_);
+  const auto [stiffness, damping] = changed(body_, changes_, span);
+  ModalBasis turned = reduce_to_modes(stiffness, damping, Eigen::VectorXd::Ones(span.lambda_rad2_s2.size()));
+  LocalModel model;
+  model.lambda_rad2_s2 = std::move(turned.lambda_rad2_s2);
+  model.damping_rad_s = std::move(turned.damping_rad_s);
+  model.damping_coupling = turned.damping_coupling;
+  model.stiffness_asymmetry = turned.stiffness_asymmetry;
+  set_step(model, step_s_);
+  set_dofs(model, body_, span, nodes);
+  model.dof_basis *= turned.basis_1_sqrt_kg;
+  modes = std::move(turned.basis_1_sqrt_kg);
+  return model;
+}
+
+Eigen::MatrixXd KrylovBuilder::projected(const BodyState& state, const WholeBodyBasis& span) {
+  forces_.evaluate(state, force_N_);
+  for (int node = 0; node < body_.node_count(); ++node) {
+    for (const int axis : body_.axes()) {
+      const int dof = body_.dof(node, axis);
+      if (dof < 0) continue;
+      excitation_(dof, 0) = force_N_(axis, node);
+      excitation_(dof, 1) = body_.mass_kg(node) * state.velocity_m_s(axis, node);
+    }
   }
-  return bases_.front().second;
+  // Column by column, so that the basis comes from memory once.
+  Eigen::MatrixXd modal(span.lambda_rad2_s2.size(), 2);
+  for (Eigen::Index m = 0; m < modal.rows(); ++m)
+    for (Eigen::Index e = 0; e < 2; ++e) modal(m, e) = span.basis_1_sqrt_kg.col(m).dot(excitation_.col(e));
+  return modal;
 }
 
 LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& contact,
@@ -91,54 +139,25 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
   // All surface nodes of the patch are ports, so that the basis can be used again; at the body's edges, where
   // more than the capacity are on the surface, those nearest to the contact.
   SubsetSurface surface = subset_surface(body_, nodes, contact, port_limit_);
-  const WholeBodyBasis& span = basis(surface.node);
-  const Eigen::Index count = span.lambda_rad2_s2.size();
+  const std::shared_ptr<const WholeBodyBasis> span = store_.basis(surface.node);
+  const Eigen::Index count = span->lambda_rad2_s2.size();
   if (surface_limit(capacity_, count) < static_cast<int>(surface.node.size()))
     surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));
 
+  Eigen::MatrixXd modal = projected(state, *span);
   LocalModel model;
-  // At rest no spring has changed, and the modes are those of the span.
-  changes_.clear();
-  if (at_ == TangentAt::frame) bent_.find(state, kUnchanged, changes_);
-  const auto [stiffness, damping] = changed(body_, changes_, span);
-  const ModalBasis turned = reduce_to_modes(stiffness, damping, Eigen::VectorXd::Ones(count));
-  model.lambda_rad2_s2 = turned.lambda_rad2_s2;
-  model.damping_rad_s = turned.damping_rad_s;
-  model.damping_coupling = turned.damping_coupling;
-  model.stiffness_asymmetry = turned.stiffness_asymmetry;
-  set_step(model, step_s_);
-
-  forces_.evaluate(state, force_N_);
-  for (int node = 0; node < body_.node_count(); ++node) {
-    for (const int axis : body_.axes()) {
-      const int dof = body_.dof(node, axis);
-      if (dof < 0) continue;
-      excitation_(dof, 0) = force_N_(axis, node);
-      excitation_(dof, 1) = body_.mass_kg(node) * state.velocity_m_s(axis, node);
-    }
+  if (at_ == TangentAt::rest) {
+    model = at_rest(span, nodes).model;
+  } else {
+    Eigen::MatrixXd modes;
+    model = of_frame(state, *span, nodes, modes);
+    modal = modes.transpose() * modal;
   }
-  const Eigen::MatrixXd modal =
-      turned.basis_1_sqrt_kg.transpose() * (span.basis_1_sqrt_kg.transpose() * excitation_);
   model.q = Eigen::VectorXd::Zero(count);
   model.p = modal.col(1);
   model.load = modal.col(0) + model.damping_rad_s.cwiseProduct(model.p);
-
-  std::vector<int> dof_node, dof_axis;
-  std::vector<int> rows;
-  for (const int node : nodes) {
-    for (const int axis : body_.axes()) {
-      if (body_.dof(node, axis) < 0) continue;
-      dof_node.push_back(node);
-      dof_axis.push_back(axis);
-      rows.push_back(body_.dof(node, axis));
-    }
-  }
-  Eigen::MatrixXd dof_basis(static_cast<Eigen::Index>(rows.size()), count);
-  for (std::size_t d = 0; d < rows.size(); ++d)
-    dof_basis.row(static_cast<Eigen::Index>(d)) = span.basis_1_sqrt_kg.row(rows[d]);
-  dof_basis *= turned.basis_1_sqrt_kg;
-  set_surface(model, state, std::move(surface), std::move(dof_node), std::move(dof_axis),
-              std::move(dof_basis));
+  set_surface(model, state, std::move(surface), std::move(model.dof_node), std::move(model.dof_axis),
+              std::move(model.dof_basis));
   return model;
 }
 

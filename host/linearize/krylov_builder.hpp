@@ -10,13 +10,11 @@
 #pragma once
 
 #include <cstddef>
-#include <list>
 #include <memory>
-#include <utility>
 #include <vector>
 
+#include "host/linearize/basis_store.hpp"
 #include "host/linearize/model_builder.hpp"
-#include "host/linearize/whole_body_basis.hpp"
 #include "host/msd/forces.hpp"
 #include "host/msd/tangent.hpp"
 
@@ -35,11 +33,20 @@ class KrylovBuilder final : public ModelBuilder {
                    const std::vector<int>& held) override;
 
   // Bases that had to be computed so far; the others were remembered.
-  [[nodiscard]] std::size_t computed() const { return computed_; }
+  [[nodiscard]] std::size_t computed() const { return store_.computed(); }
 
  private:
-  using Entry = std::pair<std::vector<int>, WholeBodyBasis>;  // surface nodes of the patch
-  const WholeBodyBasis& basis(const std::vector<int>& surface);
+  // What of a model is a constant of body and patch as long as the tangent is that at rest.
+  struct AtRest {
+    std::shared_ptr<const WholeBodyBasis> span;
+    std::vector<int> nodes;  // of the patch
+    LocalModel model;        // without surface and state
+  };
+  const AtRest& at_rest(std::shared_ptr<const WholeBodyBasis> span, const std::vector<int>& nodes);
+  [[nodiscard]] LocalModel of_frame(const BodyState& state, const WholeBodyBasis& span,
+                                    const std::vector<int>& nodes, Eigen::MatrixXd& modes);
+  // Phi' f0 and Phi' M V0, modes x 2.
+  [[nodiscard]] Eigen::MatrixXd projected(const BodyState& state, const WholeBodyBasis& span);
 
   const Body& body_;
   PatchSize patch_;
@@ -47,14 +54,13 @@ class KrylovBuilder final : public ModelBuilder {
   double step_s_;
   LocalModelCapacity capacity_;
   int port_limit_;
-  WholeBodyReduction reduction_;
+  BasisStore store_;
+  AtRest at_rest_;
   ForceEvaluator forces_;
   Eigen::Matrix3Xd force_N_;
   Eigen::MatrixXd excitation_;  // degrees of freedom x 2: forces, momenta
   TangentChanges bent_;
   std::vector<TangentChange> changes_;
-  std::list<Entry> bases_;  // latest used first
-  std::size_t computed_ = 0;
 };
 
 }  // namespace palpate::host
