@@ -1,5 +1,7 @@
 #include "host/linearize/whole_body_basis.hpp"
 
+#include <cblas.h>
+
 #include <Eigen/CholmodSupport>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCore>
@@ -15,6 +17,7 @@ namespace {
 
 using Sparse = Eigen::SparseMatrix<double>;
 using Cholesky = Eigen::CholmodSupernodalLLT<Sparse, Eigen::Lower>;
+using RowMajor = Eigen::Matrix<double, -1, -1, Eigen::RowMajor>;
 
 // Directions with less than this part of the largest one's squared length, all attachment modes being of
 // length 1, say what others do: rounding is 1e-16.
@@ -26,6 +29,27 @@ std::vector<int> dofs_of(const Body& body, const std::vector<int>& nodes) {
     for (const int axis : body.axes())
       if (const int dof = body.dof(node, axis); dof >= 0) dofs.push_back(dof);
   return dofs;
+}
+
+// The tall products by BLAS, which CHOLMOD uses too: a quarter of the time of Eigen's, whose vectors are
+// those of the oldest processor.
+Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  Eigen::MatrixXd c(a.rows(), b.cols());
+  const auto rows = static_cast<int>(a.rows()), inner = static_cast<int>(a.cols()),
+             columns = static_cast<int>(b.cols());
+  cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, rows, columns, inner, 1.0, a.data(), rows, b.data(),
+              inner, 0.0, c.data(), rows);
+  return c;
+}
+
+// a' b.
+Eigen::MatrixXd inner_product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  Eigen::MatrixXd c(a.cols(), b.cols());
+  const auto rows = static_cast<int>(a.cols()), inner = static_cast<int>(a.rows()),
+             columns = static_cast<int>(b.cols());
+  cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, rows, columns, inner, 1.0, a.data(), inner, b.data(),
+              inner, 0.0, c.data(), rows);
+  return c;
 }
 
 // W with W' gram W = I for what is not rounding in gram.
@@ -98,16 +122,20 @@ WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
 
   // Twice: what rounding leaves of other directions in a short one is as large as that, and goes the second
   // time.
-  Eigen::MatrixXd orthonormal = answers * whitening(answers.transpose() * answers);
-  orthonormal *= whitening(orthonormal.transpose() * orthonormal);
-  const Eigen::MatrixXd stiffness = orthonormal.transpose() * (f.stiffness * orthonormal);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(stiffness);
+  const Eigen::MatrixXd once = product(answers, whitening(inner_product(answers, answers)));
+  const Eigen::MatrixXd again = whitening(inner_product(once, once));
+  const auto seen_from_span = [&](const Sparse& matrix) -> Eigen::MatrixXd {
+    // A row of the span at a time, together in memory; the matrix is symmetric.
+    const Eigen::MatrixXd applied = matrix.transpose() * RowMajor(once);
+    return again.transpose() * inner_product(once, applied) * again;
+  };
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(seen_from_span(f.stiffness));
   if (solver.info() != Eigen::Success)
     throw std::runtime_error("the eigenproblem of the reduced stiffness did not converge");
-  const Eigen::MatrixXd modes = orthonormal * solver.eigenvectors();
-  reduced.damping_1_s = modes.transpose() * (f.damping * modes);
+  reduced.damping_1_s = solver.eigenvectors().transpose() * seen_from_span(f.damping) * solver.eigenvectors();
   reduced.lambda_rad2_s2 = solver.eigenvalues();
-  reduced.basis_1_sqrt_kg = f.root_mass.cwiseInverse().asDiagonal() * modes;
+  reduced.basis_1_sqrt_kg =
+      f.root_mass.cwiseInverse().asDiagonal() * product(once, again * solver.eigenvectors());
   return reduced;
 }
 
