@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/linearize/modal_reduction.hpp"
+#include "host/linearize/projection.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
@@ -20,7 +21,7 @@ struct Reduced {
 };
 
 // Phi' K Phi and Phi' B Phi: those at rest, and what the changed springs add.
-Reduced changed(const Body& body, const std::vector<TangentChange>& changes, const WholeBodyBasis& span) {
+Reduced changed(const Body& body, const std::vector<TangentChange>& changes, const StoredBasis& span) {
   const Eigen::Index modes = span.lambda_rad2_s2.size(), springs = std::ssize(changes);
   // Transposed, so that a spring's part lies together in memory: 3 columns each.
   Eigen::MatrixXd separation = Eigen::MatrixXd::Zero(modes, 3 * springs);
@@ -29,9 +30,9 @@ Reduced changed(const Body& body, const std::vector<TangentChange>& changes, con
     const TangentChange& change = changes[static_cast<std::size_t>(s)];
     for (const int axis : body.axes()) {
       if (const int dof = body.dof(change.j, axis); dof >= 0)
-        separation.col(3 * s + axis) += span.basis_1_sqrt_kg.row(dof).transpose();
+        separation.col(3 * s + axis) += span.basis_1_sqrt_kg.row(dof).transpose().cast<double>();
       if (const int dof = body.dof(change.i, axis); dof >= 0)
-        separation.col(3 * s + axis) -= span.basis_1_sqrt_kg.row(dof).transpose();
+        separation.col(3 * s + axis) -= span.basis_1_sqrt_kg.row(dof).transpose().cast<double>();
     }
     const auto part = separation.middleCols<3>(3 * s);
     force.middleCols<3>(3 * s) = part * change.stiffness_N_m;
@@ -44,8 +45,7 @@ Reduced changed(const Body& body, const std::vector<TangentChange>& changes, con
 }
 
 // Sets the degrees of freedom of these nodes, and their rows of the span.
-void set_dofs(LocalModel& model, const Body& body, const WholeBodyBasis& span,
-              const std::vector<int>& nodes) {
+void set_dofs(LocalModel& model, const Body& body, const StoredBasis& span, const std::vector<int>& nodes) {
   std::vector<int> rows;
   for (const int node : nodes) {
     for (const int axis : body.axes()) {
@@ -55,7 +55,7 @@ void set_dofs(LocalModel& model, const Body& body, const WholeBodyBasis& span,
       rows.push_back(body.dof(node, axis));
     }
   }
-  model.dof_basis = span.basis_1_sqrt_kg(rows, Eigen::all);
+  model.dof_basis = span.basis_1_sqrt_kg(rows, Eigen::all).cast<double>();
 }
 
 }  // namespace
@@ -81,7 +81,7 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
         std::to_string(capacity.modes) + " in all");
 }
 
-const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const WholeBodyBasis> span,
+const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const StoredBasis> span,
                                                     const std::vector<int>& nodes) {
   if (at_rest_.span == span && at_rest_.nodes == nodes) return at_rest_;
   LocalModel model;
@@ -96,7 +96,7 @@ const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const WholeB
   return at_rest_;
 }
 
-LocalModel KrylovBuilder::of_frame(const BodyState& state, const WholeBodyBasis& span,
+LocalModel KrylovBuilder::of_frame(const BodyState& state, const StoredBasis& span,
                                    const std::vector<int>& nodes, Eigen::MatrixXd& modes) {
   bent_.find(state, kUnchanged, changes_);
   const auto [stiffness, damping] = changed(body_, changes_, span);
@@ -113,7 +113,7 @@ LocalModel KrylovBuilder::of_frame(const BodyState& state, const WholeBodyBasis&
   return model;
 }
 
-Eigen::MatrixXd KrylovBuilder::projected(const BodyState& state, const WholeBodyBasis& span) {
+Eigen::MatrixXd KrylovBuilder::projected(const BodyState& state, const StoredBasis& span) {
   forces_.evaluate(state, force_N_);
   for (int node = 0; node < body_.node_count(); ++node) {
     for (const int axis : body_.axes()) {
@@ -123,11 +123,7 @@ Eigen::MatrixXd KrylovBuilder::projected(const BodyState& state, const WholeBody
       excitation_(dof, 1) = body_.mass_kg(node) * state.velocity_m_s(axis, node);
     }
   }
-  // Column by column, so that the basis comes from memory once.
-  Eigen::MatrixXd modal(span.lambda_rad2_s2.size(), 2);
-  for (Eigen::Index m = 0; m < modal.rows(); ++m)
-    for (Eigen::Index e = 0; e < 2; ++e) modal(m, e) = span.basis_1_sqrt_kg.col(m).dot(excitation_.col(e));
-  return modal;
+  return project(span.basis_1_sqrt_kg, excitation_);
 }
 
 LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& contact,
@@ -139,7 +135,7 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
   // All surface nodes of the patch are ports, so that the basis can be used again; at the body's edges, where
   // more than the capacity are on the surface, those nearest to the contact.
   SubsetSurface surface = subset_surface(body_, nodes, contact, port_limit_);
-  const std::shared_ptr<const WholeBodyBasis> span = store_.basis(surface.node);
+  const std::shared_ptr<const StoredBasis> span = store_.basis(surface.node);
   const Eigen::Index count = span->lambda_rad2_s2.size();
   if (surface_limit(capacity_, count) < static_cast<int>(surface.node.size()))
     surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));

@@ -38,15 +38,15 @@ class KrylovBuilder final : public ModelBuilder {
  private:
   // What of a model is a constant of body and patch as long as the tangent is that at rest.
   struct AtRest {
-    std::shared_ptr<const WholeBodyBasis> span;
+    std::shared_ptr<const StoredBasis> span;
     std::vector<int> nodes;  // of the patch
     LocalModel model;        // without surface and state
   };
-  const AtRest& at_rest(std::shared_ptr<const WholeBodyBasis> span, const std::vector<int>& nodes);
-  [[nodiscard]] LocalModel of_frame(const BodyState& state, const WholeBodyBasis& span,
+  const AtRest& at_rest(std::shared_ptr<const StoredBasis> span, const std::vector<int>& nodes);
+  [[nodiscard]] LocalModel of_frame(const BodyState& state, const StoredBasis& span,
                                     const std::vector<int>& nodes, Eigen::MatrixXd& modes);
   // Phi' f0 and Phi' M V0, modes x 2.
-  [[nodiscard]] Eigen::MatrixXd projected(const BodyState& state, const WholeBodyBasis& span);
+  [[nodiscard]] Eigen::MatrixXd projected(const BodyState& state, const StoredBasis& span);
 
   const Body& body_;
   PatchSize patch_;
