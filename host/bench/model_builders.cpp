@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "host/linearize/model_builder.hpp"
+#include "host/linearize/pressed_state.hpp"
 #include "host/msd/lattice.hpp"
-#include "host/msd/semi_implicit_euler.hpp"
 
 namespace {
 
@@ -29,21 +29,6 @@ Body demo_body() {
   spec.damping_N_s_m = damping_from_ratio(1.0, spec.mass_kg, spec.stiffness_N_m);
   spec.fixed_faces = {Face::z_minus, Face::x_minus};
   return make_lattice(spec);
-}
-
-// After 0.3 s with the node held.
-BodyState pressed(const Body& body, int node) {
-  BodyState state = body.rest_state();
-  SemiImplicitEuler integrator(body);
-  const Eigen::Vector3d held_m = state.position_m.col(node) - Eigen::Vector3d(0, 0, kPress_m);
-  for (int i = 0; i < 3000; ++i) {
-    state.position_m.col(node) = held_m;
-    state.velocity_m_s.col(node).setZero();
-    integrator.step(state, {}, kStep_s);
-  }
-  state.position_m.col(node) = held_m;
-  state.velocity_m_s.col(node).setZero();
-  return state;
 }
 
 struct Candidate {
@@ -68,7 +53,7 @@ int main() {
   const Body body = demo_body();
   const LatticeShape& lattice = *body.lattice();
   const int node = lattice.node(5, 5, lattice.nodes[2] - 1);
-  const BodyState state = pressed(body, node);
+  const BodyState state = pressed_state(body, node, {0, 0, -kPress_m}, kStep_s);
   const SurfacePoint contact = nearest_surface_point(body, state.position_m, state.position_m.col(node));
 
   std::vector<Candidate> candidates;

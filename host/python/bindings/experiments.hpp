@@ -13,6 +13,8 @@ using Positions = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::
 
 nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress);
 nb::dict linear_body(const nb::dict& scene);
+nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& models, double press_m,
+                           const nb::callable& progress);
 nb::dict simulate(const nb::dict& scene, const nb::callable& progress);
 nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& tip_m,
                    const nb::callable& progress);

@@ -10,6 +10,8 @@ NB_MODULE(_core, module) {
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "progress"_a);
   module.def("linear_body", &palpate::python::linear_body, "scene"_a);
+  module.def("compliance_errors", &palpate::python::compliance_errors, "scene"_a, "node"_a, "models"_a,
+             "press_m"_a, "progress"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
 }

@@ -190,6 +190,21 @@ plant::PlantParameters read_plant(const nb::dict& scene) {
   return plant;
 }
 
+host::BuilderConfig read_model(const nb::dict& model) {
+  host::BuilderConfig config;
+  const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
+  config.builder =
+      choice<host::Builder>(text(model, "builder"), "model.builder",
+                            {{"patch", host::Builder::patch}, {"krylov", host::Builder::krylov}});
+  config.tangent =
+      choice<host::TangentAt>(text(model, "tangent"), "model.tangent",
+                              {{"rest", host::TangentAt::rest}, {"frame", host::TangentAt::frame}});
+  config.patch = {patch[0], patch[1], patch[2]};
+  for (const double shift_Hz : nb::cast<std::vector<double>>(model["shifts_Hz"]))
+    config.shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
+  return config;
+}
+
 host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body) {
   const nb::dict rates = table(scene, "rates"), model = table(scene, "model"), board = table(scene, "board");
   host::ClosedLoopConfig config;
@@ -203,16 +218,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.session.friction = read_friction(scene);
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
-  const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
-  config.session.model.builder =
-      choice<host::Builder>(text(model, "builder"), "model.builder",
-                            {{"patch", host::Builder::patch}, {"krylov", host::Builder::krylov}});
-  config.session.model.tangent =
-      choice<host::TangentAt>(text(model, "tangent"), "model.tangent",
-                              {{"rest", host::TangentAt::rest}, {"frame", host::TangentAt::frame}});
-  config.session.model.patch = {patch[0], patch[1], patch[2]};
-  for (const double shift_Hz : nb::cast<std::vector<double>>(model["shifts_Hz"]))
-    config.session.model.shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
+  config.session.model = read_model(model);
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
   config.session.feedback = choice<host::Feedback>(text(model, "feedback"), "model.feedback",
                                                    {{"exact", host::Feedback::exact},

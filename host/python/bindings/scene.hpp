@@ -28,6 +28,8 @@ SurfaceKind read_surface(const nb::dict& scene);
 host::FrictionSpec read_friction(const nb::dict& scene);
 plant::TipPath read_path(const nb::dict& scene);
 plant::PlantParameters read_plant(const nb::dict& scene);
+// Of the table [model] what its builder needs.
+host::BuilderConfig read_model(const nb::dict& model);
 host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body);
 host::Method read_method(const nb::dict& scene);
 

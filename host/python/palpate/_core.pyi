@@ -49,3 +49,15 @@ def linear_body(scene: dict[str, Any]) -> dict[str, Any]:
     rest_position_m (n, 3), node_mass_kg (n,), fixed (n,; bool): of each node.
     triangles (t, 3): nodes of the outer surface, counter-clockwise seen from outside; none in two dimensions.
     springs (s, 2): the nodes at their ends; spring_stiffness_N_m and spring_damping_N_s_m (s,)."""
+
+def compliance_errors(
+    scene: dict[str, Any], node: int, models: list[dict[str, Any]], press_m: float, progress: Progress
+) -> dict[str, Any]:
+    """Local models against the full linear body at a node of its surface: relative errors of the 3x3 compliance (displacement
+    under unit forces there), in 2-norms. Of the scene only [body] and the step of [integrator] count. The node is first
+    pressed in by press_m along the surface's normal and held until the body has settled; body and models are linearized there.
+
+    models: tables of the keys builder, tangent, patch_nodes and shifts_Hz of [model].
+    frequency_Hz (f,): 0, then 40 a decade from 0.1 to 500 Hz; compliance_m_N (f,): 2-norm of the full body's, to 1e-6.
+    models: of each: modes, basis (entries of the board's), damping_coupling, at_node (f,), and between_nodes (f,): in the middle
+      of a triangle at the node, the model built for a contact there."""

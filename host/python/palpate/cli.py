@@ -97,6 +97,13 @@ def build_parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--tolerance", type=float, default=1e-6, metavar="E", help="of the projection, certified (default: 1e-6)"
         )
+        command.add_argument(
+            "--press",
+            type=float,
+            default=0.0,
+            metavar="M",
+            help="with --check-locality: compare the builders with the node pressed in by so many metres (default: 0)",
+        )
         command.add_argument("--dense", action="store_true", help="balance the whole system, without a projection")
         add_set(command)
 
@@ -280,6 +287,10 @@ def _reduce(arguments: argparse.Namespace) -> int:
         }
         for option in (name for name, is_given in given.items() if is_given):
             raise SceneError(f"{option}: not with --check-locality, which chooses its own")
+    elif arguments.press != 0.0:
+        raise SceneError("--press: only with --check-locality")
+    if not 0.0 <= arguments.press <= 0.1:
+        raise SceneError(f"--press = {arguments.press:g}: must be in [0, 0.1] m")
     tolerance: float = arguments.tolerance
     if not 1e-12 <= tolerance <= 0.1:
         raise SceneError(f"--tolerance = {tolerance:g}: must be in [1e-12, 0.1]")
@@ -291,7 +302,7 @@ def _reduce(arguments: argparse.Namespace) -> int:
     from palpate import _core
 
     if arguments.check_locality is not None:
-        values, text, good = command.judge_locality(_core, request, folder, _progress)
+        values, text, good = command.judge_locality(_core, request, arguments.press, folder, _progress)
     else:
         values, text, good = command.reduce_body(_core, request, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout

@@ -23,7 +23,7 @@ REDUCTION_KEYS = {
 }  # fmt: skip
 LOCALITY_KEYS = {
     "scene", "contact_node", "local", "verdict", "good_error", "band_Hz", "state_share_in_first_patch", "recommended", "balanced",
-    "patches", "frequency_Hz", "response_N_m", "reduced_error", "states", "files",
+    "patches", "frequency_Hz", "response_N_m", "reduced_error", "states", "compliance", "files",
 }  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def test_a_bound_that_says_nothing_is_none(verdicts: dict[str, Locality]) -> Non
 @pytest.mark.parametrize("name", ["homogeneous", "soft_core", "stiff_skin"])
 def test_the_numbers_behind_a_verdict(name: str, verdicts: dict[str, Locality]) -> None:
     verdict = verdicts[name]
-    assert set(verdict.to_dict()) | {"scene", "contact_node", "files"} == LOCALITY_KEYS
+    assert set(verdict.to_dict()) | {"scene", "contact_node", "compliance", "files"} == LOCALITY_KEYS
     in_band = [patch.error_in_band for patch in verdict.patches]
     by_volume = {patch.along * patch.along * patch.depth: patch.error_in_band for patch in verdict.patches}
     assert verdict.local == (in_band[0] <= GOOD_ERROR)

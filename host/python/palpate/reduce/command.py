@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from palpate.experiment import ProgressBar
 from palpate.paths import SCENES
-from palpate.reduce import pictures
+from palpate.reduce import compliance, pictures
+from palpate.reduce.compliance import Comparison
 from palpate.reduce.locality import Locality, check_locality
 from palpate.reduce.study import LARGEST_DENSE, Reduction, reduce_system
 from palpate.reduce.system import BodyError, ContactSystem, LinearBody, contact_system, linear_body, middle_of_top
@@ -104,18 +105,31 @@ def reduce_body(
 
 
 def judge_locality(
-    core: Any, request: Request, folder: Path, open_bar: OpenBar
+    core: Any, request: Request, press_m: float, folder: Path, open_bar: OpenBar
 ) -> tuple[dict[str, Any], str, bool]:
-    """Writes locality.json and locality.png to the folder; what `--json` prints, the text for a person, and the verdict.
-    Raises SceneError."""
+    """Writes locality.json, locality.png and, where the board has models for the contact, compliance.png to the folder; what
+    `--json` prints, the text for a person, and the verdict. press_m: how far the node is pressed in where builders are
+    compared. Raises SceneError."""
     system = build_system(core, request)
     rate_Hz = request.scene.sections.rates.model_update_Hz
     _make(folder)
     with open_bar(f"reducing {system.states:,} states", "step") as bar:
         locality = check_locality(system, rate_Hz, core.MAX_MODES, bar)
-    values = {"scene": str(request.scene.file), "contact_node": list(_place(system)), **locality.to_dict()}
+    comparison: Comparison | None = None
+    if compliance.comparable(system):
+        with open_bar("answering forces on the full body", "frequency") as bar:
+            comparison = compliance.compare_builders(core, request.scene, system, press_m, bar)
+    values = {
+        "scene": str(request.scene.file),
+        "contact_node": list(_place(system)),
+        **locality.to_dict(),
+        "compliance": comparison.to_dict() if comparison else None,
+    }
     files = _write(folder, "locality", values, lambda file: pictures.draw_locality(locality, file))
-    return {**values, "files": files}, describe_locality(request, locality), locality.local
+    if comparison:
+        pictures.draw_compliance(comparison, folder / "compliance.png")
+        files["compliance.png"] = str(folder / "compliance.png")
+    return {**values, "files": files}, describe_locality(request, locality, comparison), locality.local
 
 
 def _place(system: ContactSystem) -> tuple[int, int, int]:
@@ -171,7 +185,7 @@ def describe_reduction(request: Request, reduction: Reduction) -> str:
     return _lines(_title(request, reduction.system), rows)
 
 
-def describe_locality(request: Request, locality: Locality) -> str:
+def describe_locality(request: Request, locality: Locality, comparison: Comparison | None = None) -> str:
     """A verdict on locality, for a person."""
     rows = [("states", f"{locality.reduction.system.states:,}")]
     rows += [
@@ -189,4 +203,6 @@ def describe_locality(request: Request, locality: Locality) -> str:
         )
     )
     rows.append(("of its states, inside the first patch", f"{100 * locality.state_share:.0f} %"))
+    if comparison:
+        rows += compliance.describe(comparison)
     return _lines(_title(request, locality.reduction.system), rows) + f"\n{locality.verdict()}"

@@ -109,7 +109,7 @@ class Locality:
         )
         return (
             f"Not local. {measured}; good is {100 * GOOD_ERROR:.0f} %, and {unfit}. Try builder "
-            f"\"krylov\", {KRYLOV_MODES} modes of the whole body; this check does not measure it, a run does. A balanced "
+            f"\"krylov\", {KRYLOV_MODES} modes of the whole body; its compliance is compared here, its force in a run. A balanced "
             f"reduction, which is no builder, has {order} states with an error of {self._certified()}."
         )
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 
+from palpate.reduce.compliance import Comparison
 from palpate.reduce.locality import GOOD_ERROR, Locality
 from palpate.reduce.response import reduced_response
 from palpate.reduce.state_space import state_space
@@ -94,6 +95,25 @@ def draw_locality(locality: Locality, file: Path) -> None:
         color=plot.GREY,
     )
     figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    plot.save(figure, file)
+
+
+def draw_compliance(comparison: Comparison, file: Path) -> None:
+    """Relative error of each builder's compliance by frequency: at the node, and in the middle of a triangle."""
+    figure, (above, below) = plot.panels((1.5, 1.5))
+    colours = np.linspace(0.0, 1.0, len(comparison.models))
+    rising = comparison.frequency_Hz[1:]
+    for one, shade in zip(comparison.models, colours, strict=True):
+        colour = (0.05 + 0.85 * shade, 0.25 + 0.3 * shade * (1 - shade), 0.6 - 0.5 * shade)
+        label = f"{one.name()}: {one.modes} modes"
+        for panel, error in ((above, one.at_node), (below, one.between_nodes)):
+            panel.loglog(rising, error[1:], color=colour, linewidth=1.2, label=label)
+    for panel, place in ((above, "at the node"), (below, "between nodes")):
+        panel.axhline(0.01, color=plot.GREY, linestyle="--", linewidth=1)
+        panel.set_ylim(1e-5, 2.0)
+        panel.set_ylabel(f"relative error\n{place}")
+    below.set_xlabel("frequency [Hz]")
+    figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     plot.save(figure, file)
 
 

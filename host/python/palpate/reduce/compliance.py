@@ -1,0 +1,145 @@
+"""How well the board's local models answer a force at the contact, by builder, against the full linear body.
+
+Driven at a node, and in the middle of a triangle at it, where a body is softer between its nodes and models err more. At
+rest, or with the node pressed in. The builders are those that a scene can name (`model.builder`), as they build: in modes,
+their damping decoupled, in continuous time.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.reduce.system import ContactSystem
+from palpate.scene import Scene, SceneError
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], bool]
+
+# Frequencies of `krylov` that are compared, in Hz.
+KRYLOV_SHIFTS_HZ = ((0.0,), (0.0, 20.0), (0.0, 20.0, 150.0))
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """A local model of the board. model: the keys of [model] that its builder reads; modes, and basis: entries of the board's
+    basis; at_node, between_nodes (f,): relative error of the 3x3 compliance there; damping_coupling: see docs/records.md."""
+
+    model: dict[str, Any]
+    modes: int
+    basis: int
+    at_node: Array
+    between_nodes: Array
+    damping_coupling: float
+
+    def name(self) -> str:
+        """For a person."""
+        if self.model["builder"] != "krylov":
+            return str(self.model["builder"])
+        shifts = ", ".join(f"{shift_Hz:g}" for shift_Hz in self.model["shifts_Hz"])
+        return f"krylov, {self.model['tangent']}, {shifts} Hz"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """frequency_Hz (f,): 0, then rising; body_m_N (f,): 2-norm of the full body's compliance at the node; press_m: how far the
+    node was pressed in."""
+
+    frequency_Hz: Array
+    body_m_N: Array
+    press_m: float
+    models: list[ModelError]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `--json` prints as `compliance`."""
+
+        def error(relative: Array) -> dict[str, Any]:
+            return {
+                "largest": float(relative.max()),
+                "largest_at_Hz": float(self.frequency_Hz[relative.argmax()]),
+                "static": float(relative[0]),
+                "relative": relative.tolist(),
+            }
+
+        return {
+            "press_m": self.press_m,
+            "frequency_Hz": self.frequency_Hz.tolist(),
+            "body_m_N": self.body_m_N.tolist(),
+            "models": [
+                {
+                    **one.model,
+                    "modes": one.modes,
+                    "basis": one.basis,
+                    "damping_coupling": one.damping_coupling,
+                    "at_node": error(one.at_node),
+                    "between_nodes": error(one.between_nodes),
+                }
+                for one in self.models
+            ],
+        }
+
+
+def comparable(system: ContactSystem) -> bool:
+    """Whether the board has local models for this contact: of a node on the surface of a body in three dimensions."""
+    return bool(np.any(system.body.triangles == system.contact_node))
+
+
+def compare_builders(core: Any, scene: Scene, system: ContactSystem, press_m: float, progress: Progress) -> Comparison:
+    """The scene's own model first, then every builder with the scene's patch. Raises SceneError for what the core refuses."""
+    values = scene.to_dict()
+    models = candidates(values["model"], system.body.shape, core.MAX_MODES, pressed=press_m != 0.0)
+    try:
+        found = core.compliance_errors(values, system.contact_node, models, press_m, progress)
+    except ValueError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
+    compared = [
+        ModelError(model, one["modes"], one["basis"], one["at_node"], one["between_nodes"], one["damping_coupling"])
+        for model, one in zip(models, found["models"], strict=True)
+    ]
+    return Comparison(found["frequency_Hz"], found["compliance_m_N"], press_m, compared)
+
+
+def candidates(
+    own: Mapping[str, Any], nodes: tuple[int, int, int], most_modes: int, *, pressed: bool
+) -> list[dict[str, Any]]:
+    """Models to compare. own: the scene's [model]; nodes: of the lattice, to which patches are cut. At rest the tangent of the
+    frame is the tangent at rest; pressed, `krylov` is compared with both."""
+    patch = [min(size, most) for size, most in zip(own["patch_nodes"], nodes, strict=True)]
+
+    def model(builder: str, tangent: str = "frame", shifts_Hz: tuple[float, ...] = (0.0,)) -> dict[str, Any]:
+        return {"builder": builder, "tangent": tangent, "patch_nodes": patch, "shifts_Hz": list(shifts_Hz)}
+
+    largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
+    found = [model(own["builder"], own["tangent"], tuple(own["shifts_Hz"]))]
+    found.append(model("patch"))
+    for shifts_Hz in KRYLOV_SHIFTS_HZ:
+        if 3 * largest_face * len(shifts_Hz) > most_modes:
+            continue
+        found += [model("krylov", tangent, shifts_Hz) for tangent in (("rest", "frame") if pressed else ("frame",))]
+    distinct: list[dict[str, Any]] = []
+    for one in found:
+        if one["builder"] != "krylov":  # the others have no such keys
+            one = model(one["builder"])
+        elif not pressed:
+            one = model("krylov", "frame", tuple(one["shifts_Hz"]))
+        if one not in distinct:
+            distinct.append(one)
+    return distinct
+
+
+def describe(comparison: Comparison) -> list[tuple[str, str]]:
+    """Rows of a table for a person."""
+    where = f", pressed in by {1e3 * comparison.press_m:g} mm" if comparison.press_m else ""
+    rows = [(f"compliance over 0 to {comparison.frequency_Hz[-1]:g} Hz{where}", "largest error at the node; between nodes")]
+    for one in comparison.models:
+        at_Hz = comparison.frequency_Hz[one.at_node.argmax()]
+        rows.append(
+            (
+                f"{one.name()}, {one.modes} modes",
+                f"{100 * one.at_node.max():.3g} % near {at_Hz:.3g} Hz, static {100 * one.at_node[0]:.2g} %; "
+                f"{100 * one.between_nodes.max():.3g} %",
+            )
+        )
+    return rows
