@@ -1,31 +1,136 @@
 #include "host/linearize/basis_store.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace palpate::host {
-namespace {
 
-// Bases that are remembered: 0.9 MB each for 12 x 12 x 12 nodes and 48 modes. A hand that draws over a face
-// of such a body meets 81 patches of 4 x 4 nodes.
-constexpr std::size_t kRemembered = 128;
+BasisStore::BasisStore(const Body& body, std::vector<double> shift_rad_s,
+                       std::optional<BasisCacheConfig> cache)
+    : body_(body), shift_rad_s_(std::move(shift_rad_s)) {
+  require_shifts(shift_rad_s_);
+  if (cache) cache_.emplace(std::move(*cache));
+}
 
-}  // namespace
+BasisStore::~BasisStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
 
-std::shared_ptr<const StoredBasis> BasisStore::basis(const std::vector<int>& ports) {
+std::shared_ptr<const StoredBasis> BasisStore::in_memory(const Ports& ports) {
+  if (const auto error = failed_.find(ports); error != failed_.end()) std::rethrow_exception(error->second);
   const auto known =
       std::find_if(bases_.begin(), bases_.end(), [&](const Entry& e) { return e.first == ports; });
-  if (known != bases_.end()) {
-    bases_.splice(bases_.begin(), bases_, known);
-  } else {
-    WholeBodyBasis exact = reduction_.reduce(ports);
-    bases_.emplace_front(ports, std::make_shared<const StoredBasis>(
-                                    StoredBasis{std::move(exact.lambda_rad2_s2), std::move(exact.damping_1_s),
-                                                exact.basis_1_sqrt_kg.cast<float>()}));
-    ++computed_;
-    if (bases_.size() > kRemembered) bases_.pop_back();
+  if (known == bases_.end()) return nullptr;
+  bases_.splice(bases_.begin(), bases_, known);
+  return known->second;
+}
+
+void BasisStore::keep(const Ports& ports, std::shared_ptr<const StoredBasis> basis) {
+  bytes_ += basis->bytes();
+  bases_.emplace_front(ports, std::move(basis));
+  while (bytes_ > kMostBytes && bases_.size() > 2) {
+    bytes_ -= bases_.back().second->bytes();
+    bases_.pop_back();
   }
-  return bases_.front().second;
+}
+
+void BasisStore::start() {
+  if (!thread_.joinable()) thread_ = std::thread([this] { work(); });
+}
+
+std::shared_ptr<const StoredBasis> BasisStore::basis(const Ports& ports) {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    if (auto found = in_memory(ports)) return found;
+    if (current_ != ports && (wanted_.empty() || wanted_.front() != ports)) wanted_.push_front(ports);
+    start();
+    changed_.notify_all();
+    changed_.wait(lock);
+  }
+}
+
+std::shared_ptr<const StoredBasis> BasisStore::find(const Ports& ports) {
+  const std::lock_guard lock(mutex_);
+  return in_memory(ports);
+}
+
+void BasisStore::request(const std::vector<Ports>& wanted) {
+  {
+    const std::lock_guard lock(mutex_);
+    wanted_.assign(wanted.begin(), wanted.end());
+    if (wanted_.empty()) return;
+    start();
+  }
+  changed_.notify_all();
+}
+
+BasisCounts BasisStore::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+void BasisStore::work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stop_ || !wanted_.empty(); });
+    if (stop_) return;
+    const Ports ports = std::move(wanted_.front());
+    wanted_.pop_front();
+    if (failed_.contains(ports) ||
+        std::any_of(bases_.begin(), bases_.end(), [&](const Entry& e) { return e.first == ports; }))
+      continue;
+    current_ = ports;
+    lock.unlock();
+    std::shared_ptr<const StoredBasis> made;
+    std::exception_ptr error;
+    try {
+      made = make(ports);
+    } catch (...) {
+      error = std::current_exception();
+    }
+    lock.lock();
+    current_.reset();
+    if (made) {
+      keep(ports, std::move(made));
+    } else {
+      failed_.emplace(ports, error);
+    }
+    changed_.notify_all();
+  }
+}
+
+std::shared_ptr<const StoredBasis> BasisStore::make(const Ports& ports) {
+  if (cache_) {
+    if (!keys_) keys_.emplace(body_, shift_rad_s_);
+    const auto most_modes =
+        static_cast<Eigen::Index>(body_.axes().size() * ports.size() * shift_rad_s_.size());
+    std::string refusal;
+    auto kept = cache_->load(keys_->of(ports), body_.dof_count(), most_modes, refusal);
+    const std::lock_guard lock(mutex_);
+    if (!refusal.empty()) {
+      ++counts_.refused;
+      counts_.problem = std::move(refusal);
+    }
+    if (kept) {
+      ++counts_.read;
+      return std::make_shared<const StoredBasis>(std::move(*kept));
+    }
+  }
+  if (!reduction_) reduction_ = std::make_unique<WholeBodyReduction>(body_, shift_rad_s_);
+  auto made = std::make_shared<const StoredBasis>(stored(reduction_->reduce(ports)));
+  std::string problem;
+  if (cache_) problem = cache_->save(keys_->of(ports), *made);
+  const std::lock_guard lock(mutex_);
+  ++counts_.computed;
+  if (!problem.empty()) {
+    ++counts_.unsaved;
+    counts_.problem = std::move(problem);
+  }
+  return made;
 }
 
 }  // namespace palpate::host

@@ -1,41 +1,92 @@
-// Bases of the whole body by their port nodes: constants of body and ports, computed once and remembered.
+// Bases of the whole body by their port nodes: constants of body and ports, computed once, by a thread of its
+// own, and kept in memory and in files.
 #pragma once
 
-#include <Eigen/Core>
+#include <condition_variable>
 #include <cstddef>
+#include <deque>
+#include <exception>
 #include <list>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
+#include "host/linearize/basis_cache.hpp"
+#include "host/linearize/basis_key.hpp"
+#include "host/linearize/stored_basis.hpp"
 #include "host/linearize/whole_body_basis.hpp"
 
 namespace palpate::host {
 
-// A WholeBodyBasis as it is kept: the large part in single precision, which is finer than the 16 bits that a
-// board takes, and half as long to read. Rounding: 6e-8 of each entry.
-struct StoredBasis {
-  Eigen::VectorXd lambda_rad2_s2;
-  Eigen::MatrixXd damping_1_s;
-  Eigen::MatrixXf basis_1_sqrt_kg;
+using Ports = std::vector<int>;  // nodes, in the order of a patch's surface
+
+// Where bases came from.
+struct BasisCounts {
+  std::size_t computed = 0, read = 0;  // read: from files
+  std::size_t refused = 0;             // files that were not what they should be; computed anew
+  std::size_t unsaved = 0;             // computed, but their file could not be written
+  std::string problem;                 // the latest file refused or not written, and why
 };
 
+// Safe to use from several threads. Bases in memory are dropped when they are more than kMostBytes, those
+// first that have been unused for longest, the latest two never.
 class BasisStore {
  public:
-  // The body must outlive it. Throws as WholeBodyReduction does.
-  BasisStore(const Body& body, const std::vector<double>& shift_rad_s) : reduction_(body, shift_rad_s) {}
+  static constexpr std::size_t kMostBytes = 256U << 20U;
 
-  // The basis for these ports, in their order; never null. It stays valid for as long as it is held.
-  std::shared_ptr<const StoredBasis> basis(const std::vector<int>& ports);
+  // The body must outlive it. Without a cache there are no files. Throws std::invalid_argument for
+  // frequencies as WholeBodyReduction does. The body is factored when the first basis is computed.
+  BasisStore(const Body& body, std::vector<double> shift_rad_s,
+             std::optional<BasisCacheConfig> cache = std::nullopt);
+  // Waits for the basis that is being computed.
+  ~BasisStore();
+  BasisStore(const BasisStore&) = delete;
+  BasisStore& operator=(const BasisStore&) = delete;
 
-  // Bases that had to be computed so far; the others were remembered.
-  [[nodiscard]] std::size_t computed() const { return computed_; }
+  // Waits until it is there, before all that was requested. Never null; it stays valid for as long as it is
+  // held. Throws what computing it threw.
+  std::shared_ptr<const StoredBasis> basis(const Ports& ports);
+
+  // Never waits: null if it is not in memory. Throws what computing it threw.
+  std::shared_ptr<const StoredBasis> find(const Ports& ports);
+
+  // To be computed in the background, in this order, instead of what was requested before and has not begun.
+  void request(const std::vector<Ports>& wanted);
+
+  [[nodiscard]] BasisCounts counts() const;
 
  private:
-  using Entry = std::pair<std::vector<int>, std::shared_ptr<const StoredBasis>>;
-  WholeBodyReduction reduction_;
-  std::list<Entry> bases_;  // latest used first
-  std::size_t computed_ = 0;
+  using Entry = std::pair<Ports, std::shared_ptr<const StoredBasis>>;
+
+  // With the lock held.
+  std::shared_ptr<const StoredBasis> in_memory(const Ports& ports);
+  void keep(const Ports& ports, std::shared_ptr<const StoredBasis> basis);
+  void start();
+  // On the thread.
+  void work();
+  std::shared_ptr<const StoredBasis> make(const Ports& ports);
+
+  const Body& body_;
+  const std::vector<double> shift_rad_s_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;  // by either side
+  std::list<Entry> bases_;           // latest used first
+  std::size_t bytes_ = 0;
+  std::map<Ports, std::exception_ptr> failed_;
+  std::deque<Ports> wanted_;
+  std::optional<Ports> current_;
+  bool stop_ = false;
+  BasisCounts counts_;
+  std::thread thread_;
+  // The thread's.
+  std::unique_ptr<WholeBodyReduction> reduction_;
+  std::optional<BasisCache> cache_;
+  std::optional<BasisKeys> keys_;
 };
 
 }  // namespace palpate::host

@@ -15,6 +15,7 @@
 
 #include "host/linearize/basis_store.hpp"
 #include "host/linearize/model_builder.hpp"
+#include "host/linearize/stored_basis.hpp"
 #include "host/msd/forces.hpp"
 #include "host/msd/tangent.hpp"
 
@@ -33,7 +34,7 @@ class KrylovBuilder final : public ModelBuilder {
                    const std::vector<int>& held) override;
 
   // Bases that had to be computed so far; the others were remembered.
-  [[nodiscard]] std::size_t computed() const { return store_.computed(); }
+  [[nodiscard]] std::size_t computed() const { return store_.counts().computed; }
 
  private:
   // What of a model is a constant of body and patch as long as the tangent is that at rest.

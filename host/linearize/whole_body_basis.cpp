@@ -65,6 +65,14 @@ Eigen::MatrixXd whitening(const Eigen::MatrixXd& gram) {
 
 }  // namespace
 
+void require_shifts(const std::vector<double>& shift_rad_s) {
+  if (shift_rad_s.empty()) throw std::invalid_argument("a reduction of the whole body needs a frequency");
+  for (std::size_t i = 0; i < shift_rad_s.size(); ++i)
+    if (!std::isfinite(shift_rad_s[i]) || shift_rad_s[i] < (i == 0 ? 0.0 : shift_rad_s[i - 1] * (1.0 + 1e-6)))
+      throw std::invalid_argument("frequency " + std::to_string(shift_rad_s[i]) +
+                                  " rad/s, allowed: finite, not negative, ascending");
+}
+
 struct WholeBodyReduction::Factors {
   Eigen::VectorXd root_mass;
   Sparse stiffness, damping;  // mass-normalized
@@ -74,11 +82,7 @@ struct WholeBodyReduction::Factors {
 
 WholeBodyReduction::WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s)
     : body_(body), factors_(std::make_unique<Factors>()) {
-  if (shift_rad_s.empty()) throw std::invalid_argument("a reduction of the whole body needs a frequency");
-  for (std::size_t i = 0; i < shift_rad_s.size(); ++i)
-    if (!std::isfinite(shift_rad_s[i]) || shift_rad_s[i] < (i == 0 ? 0.0 : shift_rad_s[i - 1] * (1.0 + 1e-6)))
-      throw std::invalid_argument("frequency " + std::to_string(shift_rad_s[i]) +
-                                  " rad/s, allowed: finite, not negative, ascending");
+  require_shifts(shift_rad_s);
   Factors& f = *factors_;
   f.shift_rad_s = shift_rad_s;
   f.root_mass.resize(body.dof_count());

@@ -23,11 +23,13 @@ struct WholeBodyBasis {
   Eigen::MatrixXd basis_1_sqrt_kg;  // Phi: degrees of freedom x modes
 };
 
+// Throws std::invalid_argument for frequencies that are not real, not negative and ascending, or none.
+void require_shifts(const std::vector<double>& shift_rad_s);
+
 // Factors of the body at rest, once for each frequency. One object per thread. The body must outlive it.
 class WholeBodyReduction {
  public:
-  // shift_rad_s: real frequencies, not negative, ascending. Throws std::invalid_argument for others and for a
-  // body with a motion that no spring resists.
+  // Throws as require_shifts, and std::invalid_argument for a body with a motion that no spring resists.
   WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s);
   ~WholeBodyReduction();
   WholeBodyReduction(const WholeBodyReduction&) = delete;
