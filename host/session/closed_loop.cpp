@@ -50,7 +50,7 @@ class Host {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
     if (session_.due(tick)) model_is_due_ = true;
-    if (model_is_due_ && link_is_idle && computing_.empty()) {
+    if (model_is_due_ && link_is_idle && computing_.size() < config_.models_under_way) {
       model_is_due_ = false;
       if (auto update = session_.update())
         computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));

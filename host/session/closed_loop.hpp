@@ -51,6 +51,7 @@ struct GripChange {
 struct ClosedLoopConfig {
   std::uint32_t ticks = 0;
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
+  std::uint32_t models_under_way = 1;  // that the host may compute at a time
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks
   std::optional<int> probe_node;         // whose rendered positions are wanted

@@ -210,6 +210,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   host::ClosedLoopConfig config;
   config.ticks = whole(scene, "duration_ticks");
   config.host_delay_ticks = whole(rates, "host_delay_ticks");
+  config.models_under_way = whole(rates, "models_under_way");
   config.session.law = read_contact(scene);
   config.session.tip =
       choice<TipSource>(text(table(scene, "coupling"), "tip"), "coupling.tip",

@@ -213,7 +213,13 @@ class Rates:
         Number(1.0, 250.0), "local models sent per second of virtual time", unit="Hz", default=30.0
     )
     host_delay_ticks: int = key(
-        Integer(0, 200), "virtual time that the host takes to compute a model", unit="ticks", default=5
+        Integer(0, 400), "virtual time that the host takes to compute a model", unit="ticks", default=5
+    )
+    models_under_way: int = key(
+        Integer(1, 16),
+        "models that the host may compute at a time; with 1 none is begun before the one before is done, and with a "
+        "delay of a frame or more fewer are sent",
+        default=1,
     )
 
 

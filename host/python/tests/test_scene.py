@@ -218,7 +218,7 @@ BAD = {
     ),
     "fraction for a whole number": (
         GOOD + "[rates]\nhost_delay_ticks = 2.5",
-        "scene.toml: rates.host_delay_ticks = 2.5: must be a whole number in [0, 200] ticks",
+        "scene.toml: rates.host_delay_ticks = 2.5: must be a whole number in [0, 400] ticks",
     ),
     "number for a boolean": (
         GOOD + "[outputs]\npictures = 1",
