@@ -4,6 +4,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <cstdint>
+
 namespace palpate::python {
 
 namespace nb = nanobind;
@@ -15,6 +17,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
 nb::dict linear_body(const nb::dict& scene);
 nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& models, double press_m,
                            const nb::callable& progress);
+nb::dict model_cost(const nb::dict& scene, std::uint32_t rounds);
 nb::dict simulate(const nb::dict& scene, const nb::callable& progress);
 nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& tip_m,
                    const nb::callable& progress);

@@ -1,3 +1,4 @@
+#include "firmware/core/renderer.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "shared/model/local_model.hpp"
 #include "shared/wire/messages.hpp"
@@ -7,11 +8,13 @@ NB_MODULE(_core, module) {
   module.doc() = "The C++ core of palpate; see _core.pyi.";
   module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
   module.attr("MAX_MODES") = palpate::kMaxModes;
+  module.attr("RENDERER_BYTES") = sizeof(palpate::firmware::Renderer);
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "progress"_a);
   module.def("linear_body", &palpate::python::linear_body, "scene"_a);
   module.def("compliance_errors", &palpate::python::compliance_errors, "scene"_a, "node"_a, "models"_a,
              "press_m"_a, "progress"_a);
+  module.def("model_cost", &palpate::python::model_cost, "scene"_a, "rounds"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
 }

@@ -15,6 +15,8 @@ Progress = Callable[[int, int], bool]
 
 # The most modes that a local model on the board may have.
 MAX_MODES: int
+# What the board's renderer takes on this machine: models in their slots, tip history. On the board pointers are shorter.
+RENDERER_BYTES: int
 
 def run_closed_loop(
     scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress
@@ -33,6 +35,12 @@ def reference(
     """The full non-linear body with contact, stepped at the scene's reference.step_s while the tip goes through tip_m
     (n, 3) at time_s (n,). Returns the datasets reference/* and
     probe/reference_m by path."""
+
+def model_cost(scene: dict[str, Any], rounds: int) -> dict[str, float]:
+    """Time of this machine that the scene's builder takes for a model of the states in which the scripted tip touches the
+    body, 30 a second. {kernel_s, model_s, first_s}: medians over `rounds` times all states of a fixed piece of work
+    (a product of two 128 x 128 matrices of doubles) and of a model, taking turns; and the time of the first model, with
+    what is computed once."""
 
 def linear_body(scene: dict[str, Any]) -> dict[str, Any]:
     """The linear system of the scene's body at rest and without load: mass x'' + damping x' + stiffness x = f.

@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -131,6 +131,10 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
+    bench = add("bench", "measure what local models cost, against the error of the force that they give")
+    bench.add_argument("what", choices=("frontier",), help="frontier: every builder in every experiment, and sweeps")
+    bench.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
+    add_out(bench, "out/frontier")
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
@@ -314,6 +318,26 @@ def _reduce(arguments: argparse.Namespace) -> int:
     return OK if good else FAILED
 
 
+def _bench(arguments: argparse.Namespace) -> int:
+    from palpate.frontier import command
+
+    folder = _output_folder(arguments, "frontier")
+    command.check_folder(folder)
+    from palpate import _core
+
+    values, points = command.bench_frontier(_core, arguments.quick, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_tables(values, points), file=table)
+    for i, written in enumerate(values["files"].values()):
+        print(f"  {'wrote' if i == 0 else '':<46}{_short(Path(written))}", file=table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    faults = [point.point.name for point in points if point.metrics["faults"] != 0]
+    for name in faults:
+        print(f"palpate bench: {name}: the board latched a fault", file=sys.stderr)
+    return FAILED if faults else OK
+
+
 def _test(arguments: argparse.Namespace) -> int:
     from palpate.testing import run_tests
 
@@ -330,7 +354,8 @@ def main(argv: Sequence[str]) -> int:
     """Runs one command; returns the exit code."""
     arguments = build_parser().parse_args(argv)
     try:
-        return {"test": _test, "reproduce": _reproduce, "reduce": _reduce}.get(arguments.command, _experiment)(arguments)
+        commands = {"test": _test, "reproduce": _reproduce, "reduce": _reduce, "bench": _bench}
+        return commands.get(arguments.command, _experiment)(arguments)
     except SceneError as error:
         _complain(arguments, str(error))
         return BAD_INPUT

@@ -1,4 +1,4 @@
-"""Writes the tables of docs/scenes.md and docs/records.md from the declarations in the code.
+"""Writes the tables of docs/scenes.md, docs/records.md and docs/frontier.md from the declarations in the code.
 
 `python -m palpate.docs` rewrites what stands between the markers `<!-- begin NAME -->` and `<!-- end NAME -->`;
 with `--check` it only says whether that would change anything.
@@ -7,12 +7,14 @@ with `--check` it only says whether that would change anything.
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from palpate import record_layout, summary
+from palpate.frontier import metrics, points
 from palpate.paths import ROOT
 from palpate.record_layout import Dataset
+from palpate.scene_overrides import format_override
 from palpate.scene_schema import Choice, Flag, ListOf, TablesOf, Text, key_specs, section_specs
 from palpate.scene_sections import SceneFile
 
@@ -100,9 +102,13 @@ def dataset_table(layout: Sequence[Dataset]) -> str:
     return _table(["dataset", "shape", "type", "unit", "in record_hash", "meaning"], rows)
 
 
-def summary_table(keys: Sequence[summary.SummaryKey]) -> str:
-    """Keys of summary.json."""
+def summary_table(keys: Sequence[summary.SummaryKey | metrics.Metric]) -> str:
+    """Keys of summary.json, or of the metrics in frontier.json."""
     return _table(["key", "unit", "meaning"], [[f"`{key.name}`", key.unit, key.definition] for key in keys])
+
+
+def _settings(overrides: Mapping[str, object]) -> str:
+    return ", ".join(f"`{format_override(*item)}`" for item in overrides.items())
 
 
 def blocks() -> dict[str, str]:
@@ -113,6 +119,18 @@ def blocks() -> dict[str, str]:
         "simulate_summary": summary_table(summary.SIMULATE_KEYS),
         "run_datasets": dataset_table(record_layout.RUN),
         "simulate_datasets": dataset_table(record_layout.SIMULATE),
+        "frontier_metrics": summary_table(metrics.METRICS),
+        "frontier_builders": _table(
+            ["builder", "meaning", "keys of the scene"],
+            [[f"`{b.name}`", b.title, _settings(b.overrides)] for b in points.BUILDERS.values()],
+        ),
+        "frontier_experiments": _table(
+            ["experiment", "meaning", "keys of the scene"],
+            [[f"`{e.name}`", e.title, _settings(e.overrides)] for e in points.EXPERIMENTS.values()],
+        ),
+        "frontier_sweeps": _table(
+            ["sweep", "values"], [[f"`{name}`", "; ".join(values)] for name, values in points.SWEEPS.items()]
+        ),
         "counters": _table(
             ["attribute", "meaning"], [[f"`{k}`", v] for k, v in record_layout.RUN_COUNTERS.items()]
         ),
@@ -125,7 +143,7 @@ def rewrite(text: str) -> str:
     return _MARKED.sub(lambda m: f"<!-- begin {m[1]} -->\n{generated[m[1]]}\n<!-- end {m[1]} -->", text)
 
 
-FILES = (ROOT / "docs/scenes.md", ROOT / "docs/records.md")
+FILES = (ROOT / "docs/scenes.md", ROOT / "docs/records.md", ROOT / "docs/frontier.md")
 
 
 def outdated(files: Sequence[Path] = FILES) -> list[Path]:

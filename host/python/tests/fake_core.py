@@ -16,6 +16,7 @@ from palpate.hil import BoardType
 Progress = Callable[[int, int], bool]
 
 TICKS = 400
+RENDERER_BYTES = 12345
 
 
 def _side(scene: dict[str, Any]) -> int:
@@ -47,6 +48,11 @@ def reference(scene: dict[str, Any], time_s: Any, tip_m: Any, progress: Progress
     progress(len(time_s), len(time_s))
     values, _ = run_values(ticks=TICKS)
     return {path: array[: len(time_s)] for path, array in values.items() if path.startswith("reference/")}
+
+
+def model_cost(scene: dict[str, Any], rounds: int) -> dict[str, float]:
+    """Made-up results."""
+    return {"kernel_s": 1e-3, "model_s": 2e-3, "first_s": 5e-2}
 
 
 def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 def test_help_lists_the_commands() -> None:
     done = palpate("--help")
     assert done.returncode == 0
-    for command in ("demo", "run", "simulate", "reproduce", "reduce", "test"):
+    for command in ("demo", "run", "simulate", "reproduce", "reduce", "bench", "test"):
         assert re.search(rf"\n    {command}\s", done.stdout)
         assert palpate(command, "--help").returncode == 0
 

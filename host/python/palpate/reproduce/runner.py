@@ -1,7 +1,7 @@
 """Runs the scenes of the figures, several at a time: the core computes without Python's lock."""
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -60,11 +60,20 @@ def jobs(figures: Sequence[PaperFigure], out: Path, board: str) -> list[Job]:
     return sorted(planned, key=lambda job: -job.ticks)
 
 
-def run_all(core: Any, planned: Sequence[Job], workers: int, progress: RunProgress) -> list[Done]:
-    """Runs the jobs, `workers` at a time. The first that fails ends the others; its error is raised."""
+class Finish(Protocol):
+    """Does what is left to do with a run that has ended, in its thread; go_on, called now and then, raises where the work is
+    to be left."""
+
+    def __call__(self, done: Done, go_on: Callable[[], None]) -> None: ...
+
+
+def run_all(
+    core: Any, planned: Sequence[Job], workers: int, progress: RunProgress, finish: Finish | None = None
+) -> list[Done]:
+    """Runs the jobs, `workers` at a time, and finishes each. The first that fails ends the others; its error is raised."""
     stop = threading.Event()
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        futures = [pool.submit(_run, core, job, stop, progress) for job in planned]
+        futures = [pool.submit(_run, core, job, stop, progress, finish) for job in planned]
         try:
             wait(futures, return_when=FIRST_EXCEPTION)
         finally:
@@ -85,22 +94,27 @@ class _StoppedError(RuntimeError):
     """Another run has failed, or the user has interrupted."""
 
 
-def _run(core: Any, job: Job, stop: threading.Event, progress: RunProgress) -> Done:
+def _run(core: Any, job: Job, stop: threading.Event, progress: RunProgress, finish: Finish | None) -> Done:
+    def go_on() -> None:
+        if stop.is_set():
+            raise _StoppedError("stopped")
+
     def open_bar(label: str, unit: str) -> AbstractContextManager[ProgressBar]:
         counted = 0
 
         def update(done: int, total: int) -> bool:
             nonlocal counted
-            if stop.is_set():
-                raise _StoppedError("stopped")
+            go_on()
             progress(done - counted)
             counted = done
             return True
 
         return nullcontext(update)
 
-    if stop.is_set():
-        raise _StoppedError("stopped")
+    go_on()
     outcome = experiment.run(core, job.scene, "run", job.folder, open_bar)
     values, _, _ = record.read_record(outcome.files["record.h5"], record_layout.RUN)
-    return Done(job, values, outcome.summary)
+    done = Done(job, values, outcome.summary)
+    if finish is not None:
+        finish(done, go_on)
+    return done

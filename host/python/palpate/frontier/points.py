@@ -1,0 +1,187 @@
+"""What is run: experiments, ways to build the local model, and sweeps of one setting at a time."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from palpate.reproduce.figure import Run
+
+Overrides = Mapping[str, Any]
+
+SCENE_FOLDER, SCENE = "frontier", "reference"
+TICKS_PER_FRAME = 33  # of the scene's 30 Hz
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The numbers to reach with the default builder; None: none is set."""
+
+    error_percent: float | None = None
+    jump_N: float | None = None
+    same_mode_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion of the tip on a body. overrides: of the scene; bounds: for the default builder."""
+
+    name: str
+    title: str
+    overrides: Overrides
+    bounds: Bounds
+
+
+@dataclass(frozen=True)
+class Builder:
+    """A way to build the local model. family: its name in the pictures' legend."""
+
+    name: str
+    title: str
+    family: str
+    overrides: Overrides
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run: an experiment, a builder, and what a sweep sets otherwise. sweep: None for the plain table."""
+
+    experiment: Experiment
+    builder: Builder
+    sweep: str | None = None
+    value: str = ""
+    overrides: Overrides = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Also that of its folder."""
+        setting = f"--{self.sweep}={self.value}" if self.sweep else ""
+        return f"{self.experiment.name}--{self.builder.name}{setting}".replace(" ", "")
+
+    @property
+    def run(self) -> Run:
+        """The run of the firmware."""
+        overrides = {**self.experiment.overrides, **self.builder.overrides, **self.overrides}
+        return Run(self.name, SCENE, overrides, folder=SCENE_FOLDER, may_fault=True)
+
+
+def _path(name: str, duration_s: float) -> dict[str, Any]:
+    return {"path.csv": f"{name}.csv", "duration_s": duration_s}
+
+
+_STICK = _path("poke_5mm", 1.5)
+_SLIDE_BOUNDS = Bounds(error_percent=1.0, jump_N=0.03, same_mode_percent=98.0)
+
+
+def _slide(speed: str, duration_s: float, friction: float) -> Experiment:
+    return Experiment(
+        f"slide_{speed}_mu{friction:g}",
+        f"slide 3 cm at {speed.replace('cm_s', ' cm/s')}, mu = {friction:g}",
+        {**_path(f"drag_{speed}", duration_s), "contact.friction": friction},
+        _SLIDE_BOUNDS,
+    )
+
+
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        Experiment("stick_5mm", "poke 5 mm, pull 5 mm, sticking", _STICK, Bounds(error_percent=0.3, jump_N=0.01)),
+        Experiment("stick_8mm", "poke 8 mm, pull 5 mm, sticking", _path("poke_8mm", 1.5), Bounds(error_percent=1.0)),
+        Experiment(
+            "alone_1s",
+            "poke 5 mm, pull 5 mm, no update within 1 s",
+            {**_path("poke_5mm_alone", 2.0), "rates.model_update_Hz": 1.0},
+            Bounds(error_percent=2.0),
+        ),
+        *(_slide("3cm_s", 2.35, friction) for friction in (0.0, 0.3, 1.0)),
+        *(_slide("10cm_s", 1.65, friction) for friction in (0.0, 0.3, 1.0)),
+        # With the pull the device's 8.5 N allow no more than 0.15 mm.
+        Experiment(
+            "stiff_1e4",
+            "k = 1e4 N/m: poke 0.1 mm, pull 0.1 mm, sticking",
+            {**_path("poke_0.1mm", 1.5), "body.stiffness_N_m": 1e4, "integrator.step_s": 2e-5},
+            Bounds(error_percent=0.3, jump_N=0.01),
+        ),
+    )
+}
+
+_KRYLOV_REST = {"model.builder": "krylov", "model.tangent": "rest"}
+_KRYLOV_FRAME = {"model.builder": "krylov", "model.tangent": "frame"}
+
+# One more builder is one more line. `hold` sends no model, `patch_stale` one that is not rolled forward.
+BUILDERS: dict[str, Builder] = {
+    builder.name: builder
+    for builder in (
+        Builder("hold", "hold the last force", "hold", {"model.feedback": "hold"}),
+        Builder("patch_stale", "patch, not rolled forward", "patch", {"model.feedback": "discard"}),
+        Builder("patch", "patch, rolled forward", "patch", {}),
+        Builder("krylov_rest", "krylov at rest, 0 Hz", "krylov, rest", {**_KRYLOV_REST}),
+        Builder(
+            "krylov_rest_2", "krylov at rest, 0 and 20 Hz", "krylov, rest", {**_KRYLOV_REST, "model.shifts_Hz": [0.0, 20.0]}
+        ),
+        Builder("krylov_frame", "krylov of the frame, 0 Hz", "krylov, frame", {**_KRYLOV_FRAME}),
+        Builder(
+            "krylov_frame_2",
+            "krylov of the frame, 0 and 20 Hz",
+            "krylov, frame",
+            {**_KRYLOV_FRAME, "model.shifts_Hz": [0.0, 20.0]},
+        ),
+    )
+}
+# The builder that the numbers to reach are for, that sweeps vary, and that pictures mark.
+DEFAULT = "krylov_frame"
+
+# Values by sweep: what the scene is given for each.
+SWEEPS: dict[str, dict[str, Overrides]] = {
+    "delay_frames": {
+        str(frames): {
+            "rates.host_delay_ticks": frames * TICKS_PER_FRAME,
+            "rates.models_under_way": frames + 1,
+        }
+        for frames in (0, 1, 2, 4, 10)
+    },
+    "shifts_Hz": {
+        "0": {"model.shifts_Hz": [0.0]},
+        "20": {"model.shifts_Hz": [20.0]},
+        "0,20": {"model.shifts_Hz": [0.0, 20.0]},
+        "0,150": {"model.shifts_Hz": [0.0, 150.0]},
+        "0,20,150": {"model.shifts_Hz": [0.0, 20.0, 150.0]},
+    },
+    "patch_nodes": {
+        "x".join(map(str, nodes)): {"model.patch_nodes": nodes}
+        for nodes in ([2, 2, 2], [3, 3, 2], [4, 4, 2], [5, 5, 2])
+    },
+    "update_Hz": {f"{rate:g}": {"rates.model_update_Hz": rate} for rate in (10.0, 20.0, 30.0, 60.0, 120.0, 240.0)},
+    "body_step_s": {f"{step_s:g}": {"integrator.step_s": step_s} for step_s in (5e-5, 1e-4, 2e-4, 2.5e-4)},
+}
+# Sweeps are of these experiments; that of the delay has more builders, for its curve.
+_SWEPT = ("stick_5mm", "slide_10cm_s_mu0.3")
+_OF_DELAY = ("hold", "patch", DEFAULT)
+_QUICK = ("stick_5mm", "slide_10cm_s_mu0.3")
+_QUICK_BUILDERS = ("hold", "patch", DEFAULT)
+
+
+def table_points(experiments: Iterable[str], builders: Iterable[str]) -> list[Point]:
+    """Every builder in every experiment."""
+    names = list(builders)
+    return [Point(EXPERIMENTS[experiment], BUILDERS[builder]) for experiment in experiments for builder in names]
+
+
+def sweep_points(sweep: str, experiments: Iterable[str], builders: Iterable[str]) -> list[Point]:
+    """Every value of the sweep for every builder in every experiment."""
+    names = list(builders)
+    return [
+        Point(EXPERIMENTS[experiment], BUILDERS[builder], sweep, value, overrides)
+        for experiment in experiments
+        for builder in names
+        for value, overrides in SWEEPS[sweep].items()
+    ]
+
+
+def all_points(quick: bool) -> list[Point]:
+    """What `palpate bench frontier` runs; quick: two experiments, the builders that differ most, no sweeps."""
+    if quick:
+        return table_points(_QUICK, _QUICK_BUILDERS)
+    points = table_points(EXPERIMENTS, BUILDERS)
+    for sweep in SWEEPS:
+        points += sweep_points(sweep, _SWEPT, _OF_DELAY if sweep == "delay_frames" else (DEFAULT,))
+    return points
