@@ -4,6 +4,7 @@
 
 #include "host/linearize/krylov_builder.hpp"
 #include "host/linearize/patch_builder.hpp"
+#include "host/linearize/surrounded_patch_builder.hpp"
 
 namespace palpate::host {
 namespace {
@@ -29,6 +30,10 @@ std::unique_ptr<ModelBuilder> make_builder(const Body& body, const BuilderConfig
   switch (config.builder) {
     case Builder::patch:
       return std::make_unique<PatchBuilder>(body, config.patch, step_s);
+    case Builder::patch_rescaled:
+      return std::make_unique<SurroundedPatchBuilder>(body, config.patch, SurroundedBy::rescaled, step_s);
+    case Builder::condensed:
+      return std::make_unique<SurroundedPatchBuilder>(body, config.patch, SurroundedBy::condensed, step_s);
     case Builder::krylov:
       return std::make_unique<KrylovBuilder>(body, config.patch, config.tangent, config.shift_rad_s, step_s);
   }

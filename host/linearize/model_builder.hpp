@@ -26,9 +26,11 @@ class ModelBuilder {
 };
 
 enum class Builder {
-  patch,   // the paper's: the nodes around the contact with the tangent of the frame, others held
-           // (patch_builder.hpp)
-  krylov,  // modes of the whole body (krylov_builder.hpp)
+  patch,           // the paper's: the nodes around the contact with the tangent of the frame, others held
+                   // (patch_builder.hpp)
+  patch_rescaled,  // the same, the springs that lead out of it softened (surrounded_patch_builder.hpp)
+  condensed,       // the patch in the rest of the body, condensed statically (surrounded_patch_builder.hpp)
+  krylov,          // modes of the whole body (krylov_builder.hpp)
 };
 
 // Where the body is linearized: at rest, once, or at each frame's state.

@@ -13,15 +13,17 @@ namespace palpate::host {
 
 LocalModel build_subset_model(const Body& body, const BodyState& state, const std::vector<int>& nodes,
                               const SurfacePoint& contact, double step_s, const LocalModelCapacity& capacity,
-                              const std::vector<int>& held) {
+                              const std::vector<int>& held, const Surroundings& around) {
   std::vector<int> moving = nodes;
   std::erase_if(moving, [&](int node) { return std::binary_search(held.begin(), held.end(), node); });
-  const SubsetTangent tangent = subset_tangent(body, state, moving);
+  const SubsetTangent tangent = subset_tangent(body, state, moving, around.outside);
   const Eigen::Index dofs = tangent.mass_kg.size();
   if (dofs > capacity.modes)
     throw std::invalid_argument("the local model has " + std::to_string(dofs) + " modes, allowed: at most " +
                                 std::to_string(capacity.modes));
-  const ModalBasis modes = reduce_to_modes(-tangent.df_dx_N_m, -tangent.df_dv_N_s_m, tangent.mass_kg);
+  Eigen::MatrixXd stiffness_N_m = -tangent.df_dx_N_m;
+  if (around.softening_N_m.size() > 0) stiffness_N_m -= around.softening_N_m;
+  const ModalBasis modes = reduce_to_modes(stiffness_N_m, -tangent.df_dv_N_s_m, tangent.mass_kg);
 
   LocalModel model;
   model.lambda_rad2_s2 = modes.lambda_rad2_s2;

@@ -22,6 +22,14 @@
 
 namespace palpate::host {
 
+// What is around the nodes of a model instead of nodes that are held; by default nothing else. softening_N_m:
+// taken from the stiffness, in the degrees of freedom of subset_tangent, or empty; outside: factor on springs
+// and dampers to free nodes that are not of the model.
+struct Surroundings {
+  double outside = 1.0;
+  Eigen::MatrixXd softening_N_m;
+};
+
 // Linear model of any set of nodes, others held. The surface is cut to the capacity around the contact
 // (subset_surface); more modes than the capacity throw std::invalid_argument. `held`: nodes, ascending, that
 // count as fixed although they are not (driven ones, host/msd/node_drives.hpp): they stay in place like the
@@ -29,7 +37,8 @@ namespace palpate::host {
 // surface.
 LocalModel build_subset_model(const Body& body, const BodyState& state, const std::vector<int>& nodes,
                               const SurfacePoint& contact, double step_s,
-                              const LocalModelCapacity& capacity = {}, const std::vector<int>& held = {});
+                              const LocalModelCapacity& capacity = {}, const std::vector<int>& held = {},
+                              const Surroundings& around = {});
 
 // The same for the patch around the contact point. Throws as select_patch and build_subset_model do.
 LocalModel build_patch(const Body& body, const BodyState& state, const SurfacePoint& contact,

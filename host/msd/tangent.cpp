@@ -67,7 +67,8 @@ Tangent tangent(const Body& body, const BodyState& state) {
   return result;
 }
 
-SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std::vector<int>& nodes) {
+SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std::vector<int>& nodes,
+                             double outside) {
   SubsetTangent result;
   std::unordered_map<int, int> first_dof;  // of each node in the subset; -1 for fixed ones
   for (const int node : nodes) {
@@ -108,8 +109,10 @@ SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std
     for (const int s : body.springs_of(node)) {
       const Spring& spring = body.springs()[at(s)];
       const SpringTangent block = spring_tangent(spring, state);
-      add(row, row, -1.0, block);
-      const auto other = first_dof.find(spring.i == node ? spring.j : spring.i);
+      const int other_node = spring.i == node ? spring.j : spring.i;
+      const auto other = first_dof.find(other_node);
+      const bool leads_out = other == first_dof.end() && !body.fixed(other_node);
+      add(row, row, leads_out ? -outside : -1.0, block);
       if (other != first_dof.end() && other->second >= 0) add(row, other->second, 1.0, block);
     }
   }

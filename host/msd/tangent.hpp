@@ -33,9 +33,10 @@ struct SubsetTangent {
   Eigen::MatrixXd df_dx_N_m;
   Eigen::MatrixXd df_dv_N_s_m;
 };
-// Visits only the springs at these nodes. Throws std::invalid_argument for a node that does not exist or
-// comes twice.
-SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std::vector<int>& nodes);
+// Visits only the springs at these nodes. outside: factor on the springs (and dampers) from them to free
+// nodes that are not among them. Throws std::invalid_argument for a node that does not exist or comes twice.
+SubsetTangent subset_tangent(const Body& body, const BodyState& state, const std::vector<int>& nodes,
+                             double outside = 1.0);
 
 // A spring whose tangent is not what it is at rest: what is added to -df_dx and -df_dv for the separation
 // x_j - x_i.

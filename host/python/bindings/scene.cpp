@@ -193,9 +193,11 @@ plant::PlantParameters read_plant(const nb::dict& scene) {
 host::BuilderConfig read_model(const nb::dict& model) {
   host::BuilderConfig config;
   const auto patch = nb::cast<std::array<int, 3>>(model["patch_nodes"]);
-  config.builder =
-      choice<host::Builder>(text(model, "builder"), "model.builder",
-                            {{"patch", host::Builder::patch}, {"krylov", host::Builder::krylov}});
+  config.builder = choice<host::Builder>(text(model, "builder"), "model.builder",
+                                         {{"patch", host::Builder::patch},
+                                          {"patch_rescaled", host::Builder::patch_rescaled},
+                                          {"condensed", host::Builder::condensed},
+                                          {"krylov", host::Builder::krylov}});
   config.tangent =
       choice<host::TangentAt>(text(model, "tangent"), "model.tangent",
                               {{"rest", host::TangentAt::rest}, {"frame", host::TangentAt::frame}});

@@ -279,6 +279,11 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
     patch = scene.model.patch_nodes
     if math.prod(patch) > MAX_PATCH_NODES:
         raise reader.error("model.patch_nodes", list(patch), f"at most {MAX_PATCH_NODES} nodes in all")
+    if scene.model.builder != "patch" and scene.body.drives:
+        raise reader.problem(
+            "body.drives",
+            f'given together with model.builder = "{scene.model.builder}", which knows no driven nodes',
+        )
     if scene.model.builder != "krylov":
         return
     shifts_Hz = scene.model.shifts_Hz
@@ -296,10 +301,6 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
             list(shifts_Hz),
             f"so few that 3 modes for each of them and of the {largest_face} nodes of a face of the patch are at most "
             f"{MAX_MODES}",
-        )
-    if scene.body.drives:
-        raise reader.problem(
-            "body.drives", 'given together with model.builder = "krylov", whose modes do not know driven nodes'
         )
 
 

@@ -228,9 +228,11 @@ class Model:
     """The local model that the board renders."""
 
     builder: str = key(
-        Choice(("patch", "krylov")),
-        "how it is built; `patch`: the nodes around the tip, those beyond held, with the tangent of the frame; `krylov`: "
-        "modes of the whole body that answer forces on the patch's surface as it does",
+        Choice(("patch", "patch_rescaled", "condensed", "krylov")),
+        "how it is built; `patch`: the nodes around the tip, those beyond held, with the tangent of the frame; "
+        "`patch_rescaled`: the same, the springs that lead out of it softened until its border yields as in the body at "
+        "rest; `condensed`: the same, with the static stiffness of the rest of the body at rest; `krylov`: modes of the "
+        "whole body that answer forces on the patch's surface as it does",
         default="patch",
     )
     patch_nodes: tuple[int, ...] = key(

@@ -502,7 +502,11 @@ BAD = {
     ),
     "unknown builder": (
         GOOD + '[model]\nbuilder = "balanced"',
-        'scene.toml: model.builder = "balanced": must be one of "patch", "krylov"',
+        'scene.toml: model.builder = "balanced": must be one of "patch", "patch_rescaled", "condensed", "krylov"',
+    ),
+    "driven nodes that the builder does not know": (
+        GOOD + drives((1, 1, 5), 0.1, 0.2, 0.3) + "[model]\nbuilder = 'condensed'",
+        'scene.toml: body.drives: given together with model.builder = "condensed", which knows no driven nodes',
     ),
     "large patch": (
         GOOD + "[model]\npatch_nodes = [5, 5, 3]",

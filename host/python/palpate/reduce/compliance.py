@@ -113,7 +113,7 @@ def candidates(
 
     largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
     found = [model(own["builder"], own["tangent"], tuple(own["shifts_Hz"]))]
-    found.append(model("patch"))
+    found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed")]
     for shifts_Hz in KRYLOV_SHIFTS_HZ:
         if 3 * largest_face * len(shifts_Hz) > most_modes:
             continue
