@@ -505,7 +505,7 @@ BAD = {
         'scene.toml: model.builder = "balanced": must be one of "patch", "patch_rescaled", "condensed", "krylov"',
     ),
     "driven nodes that the builder does not know": (
-        GOOD + drives((1, 1, 5), 0.1, 0.2, 0.3) + "[model]\nbuilder = 'condensed'",
+        drives((1, 1, 5), 0.1, 0.2, 0.3) + "[model]\nbuilder = 'condensed'",
         'scene.toml: body.drives: given together with model.builder = "condensed", which knows no driven nodes',
     ),
     "large patch": (
