@@ -55,6 +55,13 @@ def model_cost(scene: dict[str, Any], rounds: int) -> dict[str, float]:
     return {"kernel_s": 1e-3, "model_s": 2e-3, "first_s": 5e-2}
 
 
+def compliance_errors(
+    scene: dict[str, Any], node: int, models: list[dict[str, Any]], press_m: float, progress: Progress
+) -> dict[str, Any]:
+    """Made-up results: 3 % at most."""
+    return {"models": [{"at_node": [0.01, 0.03, 0.02]} for _ in models]}
+
+
 def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """Made-up results."""
     progress(scene["duration_ticks"], scene["duration_ticks"])

@@ -198,7 +198,7 @@ def made_up_point(name: str, error: float, down: float, ratio: float = 1.0, **ov
     record, reference = made_up_record()
     metrics = {**measure(record, reference, 5), "error_percent": error, "link_down_bytes_per_s": down, **overrides}
     point = points.Point(points.EXPERIMENTS["stick_5mm"], points.BUILDERS[name])
-    return Measured(point, "0", metrics, {"kernel_s": 1.0, "model_s": ratio, "first_s": 9.0}, [])
+    return Measured(point, "0", metrics, {"kernel_s": 1.0, "model_s": ratio, "first_s": 9.0}, 0.9, [])
 
 
 def test_points_are_compared_within_an_experiment_and_not_over_delays() -> None:
@@ -226,6 +226,7 @@ def test_goals_of_the_default_builder() -> None:
     other = next(name for name in points.BUILDERS if name != points.DEFAULT)
     rows = {goal.metric: goal for goal in results.goals([default, made_up_point(other, 0.1, 1.0)])}
     assert (rows["error_percent"].reached, rows["jump_N"].reached) == (False, True)
+    assert (rows["compliance_percent"].measured, rows["compliance_percent"].reached) == (0.9, True)
     slide = replace(default, point=replace(default.point, experiment=points.EXPERIMENTS["slide_3cm_s_mu0"]))
     rows = {goal.metric: goal for goal in results.goals([replace(slide, metrics={**slide.metrics, "same_mode_percent": 98.0})])}
     assert rows["same_mode_percent"].at_least
@@ -391,6 +392,7 @@ def test_the_command_writes_what_it_prints(fake: ModuleType, capsys: pytest.Capt
     for point in written["points"]:
         assert set(point["metrics"]) == set(written["metrics"])
         assert (point["host"] is None) == (point["builder"] == "hold")
+        assert point["compliance_percent"] == (None if point["builder"] == "hold" else 3.0)
     assert written["ram"] == {"renderer": fake.RENDERER_BYTES, "image": 99}
     # Again: it finds its own files, and the same numbers.
     assert cli.main(["bench", "frontier", "--quick", "--out", "here"]) == 0

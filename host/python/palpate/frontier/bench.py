@@ -10,15 +10,18 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Protocol
 
+import numpy as np
+
 from palpate import hil
 from palpate.experiment import ProgressBar
 from palpate.frontier import references
 from palpate.frontier.metrics import measure
-from palpate.frontier.points import Point
+from palpate.frontier.points import CONTACT_NODE, Point
 from palpate.frontier.references import References, differences, digest
 from palpate.reproduce.runner import Done, Finish, Job, run_all
 from palpate.scene import Scene, load_scene
 
+_KEPT_OF_MEASURED = ("record_hash", "metrics", "host", "compliance_percent", "convergence")
 # The cost of a model on the host: rounds over all states of a path.
 _ROUNDS = 5
 RUNS, KEPT_REFERENCES, METRICS_FILE = "runs", "references", "metrics.json"
@@ -32,12 +35,14 @@ class OpenBar(Protocol):
 
 @dataclass(frozen=True)
 class Measured:
-    """A point with its numbers: those of METRICS; `host`, what a model costs the host; `convergence`, of its reference."""
+    """A point with its numbers: those of METRICS; `host`, what a model costs the host, and `compliance_percent`, its largest
+    error at the contact over 0 to 500 Hz, both None where none is built; `convergence`, of its reference."""
 
     point: Point
     record_hash: str
     metrics: Mapping[str, Any]
     host: Mapping[str, float] | None
+    compliance_percent: float | None
     convergence: Sequence[Mapping[str, float | None]]
 
 
@@ -71,12 +76,12 @@ def run_points(core: Any, points: Sequence[Point], out: Path, board: str, progre
         _write(out, by_name[name], {"key": keys[name], **values})
 
     _run(core, planned, board, progress, finish)
-    _measure_host(core, points, scenes, out, keys, progress)
     measured = []
+    _measure_models(core, points, scenes, out, keys, progress)
     for point in points:
         kept = _kept(out, point, keys[point.name])
         assert kept is not None
-        measured.append(Measured(point, kept["record_hash"], kept["metrics"], kept.get("host"), kept["convergence"]))
+        measured.append(Measured(point, **{name: kept[name] for name in _KEPT_OF_MEASURED}))
     return measured
 
 
@@ -114,7 +119,7 @@ def _measure(kept: References, scene: Scene, done: Done, go_on: Callable[[], Non
     }
 
 
-def _measure_host(
+def _measure_models(
     core: Any,
     points: Sequence[Point],
     scenes: Mapping[str, Scene],
@@ -122,26 +127,45 @@ def _measure_host(
     keys: Mapping[str, str],
     progress: OpenBar,
 ) -> None:
-    """What models cost, one point after the other, when nothing else of this program runs."""
-    todo = [
-        (point, kept)
-        for point in points
-        if (kept := _kept(out, point, keys[point.name])) is not None and "host" not in kept
-    ]
-    if not todo:
+    """What models cost and how they answer at the contact: once for each builder on a body, when nothing else of this program
+    runs."""
+    builders: dict[str, list[tuple[Point, dict[str, Any]]]] = {}
+    bodies: dict[str, dict[str, dict[str, Any]]] = {}  # scenes by builder, on each body
+    for point in points:
+        kept = _kept(out, point, keys[point.name])
+        if kept is None or "host" in kept:
+            continue
+        given = scenes[point.name].to_dict()
+        builder = digest([given["body"], given["model"]])
+        builders.setdefault(builder, []).append((point, kept))
+        bodies.setdefault(digest(given["body"]), {})[builder] = given
+    if not builders:
         return
-    costs: dict[str, Any] = {}  # points that differ in nothing but the path, rates and delays share it
-    with progress("time of models on the host", "point") as bar:
-        for i, (point, kept) in enumerate(todo):
-            scene = scenes[point.name]
-            given = scene.to_dict()
-            key = digest([given[name] for name in ("body", "model")])
-            if scene.sections.model.feedback == "hold":  # builds none
-                costs[key] = None
-            elif key not in costs:
-                costs[key] = core.model_cost(given, _ROUNDS)
-            _write(out, point, {**kept, "host": costs[key]})
-            bar(i + 1, len(todo))
+    with progress("models on the host", "builder") as bar:
+        done = 0
+        for of_builder in bodies.values():
+            # A held force is no model.
+            built = {name: given for name, given in of_builder.items() if given["model"]["feedback"] != "hold"}
+            error_percent = _compliance(core, list(built.values()))
+            compliance = dict(zip(built, error_percent, strict=True))
+            for name in of_builder:
+                cost = core.model_cost(built[name], _ROUNDS) if name in built else None
+                for point, kept in builders[name]:
+                    _write(out, point, {**kept, "host": cost, "compliance_percent": compliance.get(name)})
+                done += 1
+                bar(done, len(builders))
+
+
+def _compliance(core: Any, scenes: Sequence[dict[str, Any]]) -> list[float]:
+    """Largest relative error of each scene's model at the contact node, at rest, in percent. All have the same body."""
+    if not scenes:
+        return []
+    nodes = scenes[0]["body"]["nodes"]
+    i, j, k = CONTACT_NODE
+    models = [given["model"] for given in scenes]
+    node = i + nodes[0] * (j + nodes[1] * k)
+    found = core.compliance_errors(scenes[0], node, models, 0.0, lambda done, total: True)
+    return [100.0 * float(np.max(model["at_node"])) for model in found["models"]]
 
 
 def _file(out: Path, point: Point) -> Path:

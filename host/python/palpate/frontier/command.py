@@ -65,7 +65,7 @@ def _number(point: Measured, name: str, part: str | None = None) -> float | None
     return found
 
 
-_COLUMNS = ("error %", "same mode %", "jump N", "late ms", "catch-up ms", "down B/s", "host ratio", "tick p99", "tick worst")
+_COLUMNS = ("error %", "same mode %", "jump N", "late ms", "catch-up ms", "down B/s", "host ratio", "compl. %", "tick p99", "tick worst")
 
 
 def _row(first: str, point: Measured) -> list[str]:
@@ -78,6 +78,7 @@ def _row(first: str, point: Measured) -> list[str]:
         _cell(_number(point, "catch_up_ticks", "worst"), ".0f"),
         _cell(point.metrics["link_down_bytes_per_s"], ",.0f"),
         _cell(results.host_ratio(point), ".2f"),
+        _cell(point.compliance_percent, ".2g"),
         _cell(_number(point, "tick_instructions", "p99"), ",.0f"),
         _cell(_number(point, "tick_instructions", "worst"), ",.0f"),
     ]

@@ -29,11 +29,11 @@ METRICS = (
     Metric(
         "error_percent",
         "%",
-        "root mean square of \\|force - reference force\\| over that of \\|reference force\\|, both over the ticks in which "
+        "root mean square of |force - reference force| over that of |reference force|, both over the ticks in which "
         "board and reference have the same contact mode; null where those have no force",
     ),
     Metric("error_all_percent", "%", "the same over all ticks; null where the reference never feels a force"),
-    Metric("worst_error_N", "N", "largest \\|force - reference force\\| of any tick"),
+    Metric("worst_error_N", "N", "largest |force - reference force| of any tick"),
     Metric(
         "same_mode_percent",
         "%",

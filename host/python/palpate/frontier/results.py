@@ -91,9 +91,8 @@ def goals(points: Sequence[Measured]) -> list[Goal]:
         bounds: Bounds = point.point.experiment.bounds
         for metric, bound in asdict(bounds).items():
             if bound is not None:
-                rows.append(
-                    Goal(point.point.name, metric, bound, metric == "same_mode_percent", point.metrics[metric])
-                )
+                measured = {**point.metrics, "compliance_percent": point.compliance_percent}[metric]
+                rows.append(Goal(point.point.name, metric, bound, metric == "same_mode_percent", measured))
     return rows
 
 
@@ -129,6 +128,7 @@ def _point(measured: Measured, is_best: bool | None) -> dict[str, Any]:
         "record_hash": measured.record_hash,
         "metrics": _plain(dict(measured.metrics)),
         "host": None if measured.host is None else {**measured.host, "ratio": host_ratio(measured)},
+        "compliance_percent": measured.compliance_percent,
         "convergence": [dict(row) for row in measured.convergence],
         "on_frontier": is_best,
     }
