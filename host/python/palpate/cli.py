@@ -122,7 +122,7 @@ def build_parser() -> argparse.ArgumentParser:
         "figures",
         nargs="*",
         metavar="FIGURE",
-        help="fig4, table1, table2, fig5, fig8, frontier, locality, fig12 ... fig17, or all (default: all)",
+        help="fig4, table1, table2, fig5, fig8, frontier, locality, fig12 ... fig17, late, or all (default: all)",
     )
     add_out(figures, "out/reproduce")
     figures.add_argument(

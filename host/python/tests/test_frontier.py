@@ -23,6 +23,7 @@ from palpate.frontier.pareto import dominated
 from palpate.frontier.ram import Ram, read_sections
 from palpate.frontier.references import differences, digest, steps_s
 from palpate.paths import SCENES
+from palpate.reproduce import late
 from palpate.scene import load_scene
 
 FREE, STICK, SLIP = 0, 1, 2
@@ -430,3 +431,46 @@ def test_bad_input_is_refused_on_one_line(tmp_path: Path) -> None:
 def test_ram_is_that_of_the_sections() -> None:
     listing = "a.elf  :\nsection  size  addr\n.text 1000 0\n.stack 16 1\n.data 8 2\n.bss 4 3\n.exchange 999 4\nTotal 2027\n"
     assert read_sections(listing) == 28
+
+
+# ---- the section of `palpate reproduce`
+
+
+def made_up_late(error: dict[str, float]) -> dict[str, Any]:
+    """Records in which each builder's force is this much too large, in parts of 1."""
+    records = {}
+    for point in late.POINTS:
+        record, reference = made_up_record()
+        record["ticks/force_N"] = record["ticks/force_N"] * (1.0 + error[point.builder.name])
+        records[point.name] = record | reference
+    return records
+
+
+def test_the_report_judges_patch_and_default_and_lists_every_builder(tmp_path: Path) -> None:
+    error = {name: 0.1 for name in points.BUILDERS} | {"hold": 0.4, "patch": 0.2, points.DEFAULT: 0.05}
+    records = made_up_late(error)
+    found = late.checks(records)
+    judged = {check.name: check for check in found if check.passed is not None}
+    assert len(judged) == 2 * len(points.QUICK)
+    assert [check.measured for check in judged.values()] == pytest.approx([0.5, 0.25] * len(points.QUICK), rel=1e-5)
+    assert all(check.passed for check in judged.values())
+    for table in late.tables(records):
+        assert len(table.names) == len(table.rows) == len(points.BUILDERS)
+        assert [row[0] for row in table.rows] == pytest.approx([100 * error[name] for name in points.BUILDERS], rel=1e-5)
+        assert sum("(default)" in name for name in table.names) == 1
+    late.draw(records, tmp_path / "plot.png")
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+    # A patch worse than the held force and a default worse than the patch fail.
+    worse = made_up_late(error | {"hold": 0.1, points.DEFAULT: 0.3})
+    assert sum(check.passed is False for check in late.checks(worse)) == 2 * len(points.QUICK)
+
+
+def test_the_report_runs_what_the_bench_runs() -> None:
+    assert {point.name for point in late.POINTS} <= {point.name for point in points.all_points(quick=False)}
+    for run_of_report, point in zip(late.FIGURE.runs, late.POINTS, strict=True):
+        scene, same = (load_scene(run.file, run.overrides).to_dict() for run in (run_of_report, point.run))
+        assert scene.pop("reference")["enabled"]
+        assert not same.pop("reference")["enabled"]
+        for given in (scene, same):
+            given["path"] = {name: str(value) for name, value in given["path"].items()}
+        assert scene == same

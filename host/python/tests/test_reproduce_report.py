@@ -21,7 +21,7 @@ from palpate.scene import SceneError, load_scene
 from palpate.scene_overrides import parse_override
 
 NAMES = ["fig4", "table1", "table2", "fig5", "fig8", "frontier", "locality"]
-NAMES += ["fig12", "fig13", "fig14", "fig15", "fig16", "fig17"]
+NAMES += ["fig12", "fig13", "fig14", "fig15", "fig16", "fig17", "late"]
 PNG = b"\x89PNG, made up"
 VOID = {"meta", "img", "br"}
 

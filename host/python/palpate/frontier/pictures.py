@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -9,11 +10,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from palpate.frontier.bench import Measured
 from palpate.frontier.points import BUILDERS, DEFAULT, EXPERIMENTS, SWEEPS
-from palpate.frontier.results import COSTS, is_choice, on_frontier
+from palpate.frontier.results import COSTS, LINK, Cost, is_choice, on_frontier
 from palpate.reproduce import plot
 
 _COLOURS = (plot.BLUE, plot.RED, plot.GREEN, plot.VIOLET, "#b06a00", "#00798c", "#444444")
 _PALE = "#b8b8b8"
+# Points whose errors are nearer than this, as a logarithm, share the line of their numbers.
+_NEAR = 0.07
 _SWEEP_LABELS = {
     "delay_frames": "delay [frames]",
     "shifts_Hz": "shifts [Hz]",
@@ -30,27 +33,47 @@ def _colour(family: str) -> str:
 
 def draw_costs(points: Sequence[Measured], experiment: str, file: Path) -> None:
     """Error against each cost, for the points of one experiment."""
-    own = [point for point in points if point.point.experiment.name == experiment and is_choice(point)]
-    best = on_frontier(own)
-    numbers = {name: i + 1 for i, name in enumerate(dict.fromkeys(point.point.builder.name for point in own))}
+    own = [point for point in points if point.point.experiment.name == experiment]
     costs = [cost for cost in COSTS if any(cost.of(point) is not None for point in own)]
-    figure, axes = plot.grid(1, len(costs), (1.5,), share_y=True)
-    for cost, panel in zip(costs, axes[0], strict=True):
-        for point in own:
-            number = numbers[point.point.builder.name]
-            _draw_point(panel, point, cost.of(point), cost.drawn_scale, best[point.point.name], number)
+    title = f"{EXPERIMENTS[experiment].title}; grey: another point is better in all"
+    _draw_panels([(own, cost, cost.label) for cost in costs], costs, title, file)
+
+
+def draw_link(points: Sequence[Measured], file: Path) -> None:
+    """Error against what the link carries, a panel for each experiment."""
+    panels = [
+        ([point for point in points if point.point.experiment.name == name], LINK, f"{EXPERIMENTS[name].title}\n{LINK.label}")
+        for name in dict.fromkeys(point.point.experiment.name for point in points)
+    ]
+    _draw_panels(panels, (LINK,), "grey: another builder has a smaller error and needs less", file)
+
+
+def _draw_panels(
+    panels: Sequence[tuple[Sequence[Measured], Cost, str]], costs: Sequence[Cost], title: str, file: Path
+) -> None:
+    """panels: points of one experiment, what is drawn along x, and the label there. costs: what makes a point dominated."""
+    figure, axes = plot.grid(1, len(panels), (1.5,), share_y=True)
+    names = dict.fromkeys(point.point.builder.name for points, _, _ in panels for point in points)
+    numbers = {name: i + 1 for i, name in enumerate(names)}
+    for (points, cost, label), panel in zip(panels, axes[0], strict=True):
+        best = on_frontier(points, costs)
+        shown = [place for point in points if is_choice(point) and (place := _place(point, cost)) is not None]
+        for place in shown:
+            _draw_point(panel, place, best[place.point.point.name])
+        plain = [place for place in shown if place.point.point.sweep is None]
+        _draw_numbers(panel, plain, [numbers[place.point.point.builder.name] for place in plain])
         _percent_axis(panel)
         panel.margins(x=0.12, y=0.08)
         panel.set_xlim(left=0.0)
-        panel.set_xlabel(cost.label, fontsize=8)
+        panel.set_xlabel(label, fontsize=8)
     axes[0, 0].set_ylabel("force error [%]")
     handles, labels = [], []
     for name, number in numbers.items():
-        mark = axes[0, 0].plot([], [], _marker(name), color=_colour(BUILDERS[name].family))[0]
+        mark = axes[0, 0].plot([], [], _marker(name), color=_colour(BUILDERS[name].family), linestyle="none")[0]
         handles.append(mark)
         labels.append(f"{number} {BUILDERS[name].title}{' (default)' if name == DEFAULT else ''}")
     figure.legend(handles, labels, fontsize=7, ncols=2, loc="outside lower center")
-    figure.suptitle(f"{EXPERIMENTS[experiment].title}; grey: another point is better in all", fontsize=9)
+    figure.suptitle(title, fontsize=9)
     plot.save(figure, file)
 
 
@@ -66,24 +89,52 @@ def _marker(builder: str) -> str:
     return "*" if builder == DEFAULT else "o"
 
 
-def _draw_point(panel: Axes, point: Measured, cost: float | None, scale: float, is_best: bool, number: int) -> None:
-    error = point.metrics["error_percent"]
-    if cost is None or error is None or not math.isfinite(error) or error <= 0.0:
-        return
-    builder, swept = point.point.builder, point.point.sweep is not None
+@dataclass(frozen=True)
+class _Place:
+    """Where a point is drawn."""
+
+    point: Measured
+    x: float
+    y: float
+
+
+def _place(point: Measured, cost: Cost) -> _Place | None:
+    """None where there is a number missing, or none that the axis has."""
+    error, value = point.metrics["error_percent"], cost.of(point)
+    if value is None or error is None or not math.isfinite(error) or error <= 0.0:
+        return None
+    return _Place(point, value * cost.drawn_scale, error)
+
+
+def _draw_point(panel: Axes, place: _Place, is_best: bool) -> None:
+    builder, swept = place.point.point.builder, place.point.point.sweep is not None
     is_default = builder.name == DEFAULT and not swept
     panel.plot(
-        cost * scale,
-        error,
-        _marker(builder.name) if not swept else ".",
+        place.x,
+        place.y,
+        "." if swept else _marker(builder.name),
         color=_colour(builder.family) if is_best else _PALE,
         markersize=13 if is_default else 5,
         markeredgecolor="black" if is_default else "none",
         zorder=3 if is_best else 2,
         clip_on=False,
     )
-    if not swept:
-        panel.annotate(str(number), (cost * scale, error), xytext=(4, 3), textcoords="offset points", fontsize=8)
+
+
+def _draw_numbers(panel: Axes, places: Sequence[_Place], numbers: Sequence[int]) -> None:
+    """Beside each point its number; those of points that lie on each other in one line."""
+    width = max((place.x for place in places), default=0.0)
+    groups: list[tuple[_Place, list[int]]] = []
+    for place, number in sorted(zip(places, numbers, strict=True), key=lambda pair: -pair[0].y):
+        for first, together in groups:
+            if abs(first.x - place.x) < 0.03 * width and abs(math.log(first.y / place.y)) < _NEAR:
+                together.append(number)
+                break
+        else:
+            groups.append((place, [number]))
+    for first, together in groups:
+        text = ", ".join(map(str, together))
+        panel.annotate(text, (first.x, first.y), xytext=(5, 3), textcoords="offset points", fontsize=8)
 
 
 def draw_sweeps(points: Sequence[Measured], file: Path) -> None:

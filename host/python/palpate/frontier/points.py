@@ -160,7 +160,7 @@ SWEEPS: dict[str, dict[str, Overrides]] = {
 # Sweeps are of these experiments; that of the delay has more builders, for its curve.
 _SWEPT = ("stick_5mm", "slide_10cm_s_mu0.3")
 _OF_DELAY = ("hold", "patch", DEFAULT)
-_QUICK = ("stick_5mm", "slide_10cm_s_mu0.3")
+QUICK = ("stick_5mm", "slide_10cm_s_mu0.3")
 _QUICK_BUILDERS = ("hold", "patch", DEFAULT)
 
 
@@ -184,7 +184,7 @@ def sweep_points(sweep: str, experiments: Iterable[str], builders: Iterable[str]
 def all_points(quick: bool) -> list[Point]:
     """What `palpate bench frontier` runs; quick: two experiments, the builders that differ most, no sweeps."""
     if quick:
-        return table_points(_QUICK, _QUICK_BUILDERS)
+        return table_points(QUICK, _QUICK_BUILDERS)
     points = table_points(EXPERIMENTS, BUILDERS)
     for sweep in SWEEPS:
         points += sweep_points(sweep, _SWEPT, _OF_DELAY if sweep == "delay_frames" else (DEFAULT,))

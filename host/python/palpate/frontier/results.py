@@ -34,9 +34,10 @@ class Cost:
         return None if value is None else float(value)
 
 
+LINK = Cost("link", "link to the board [kB/s]", ("metrics", "link_down_bytes_per_s"), 1e-3)
 COSTS = (
     Cost("host", "host: model / kernel", ("host_ratio",)),
-    Cost("link", "link to the board [kB/s]", ("metrics", "link_down_bytes_per_s"), 1e-3),
+    LINK,
     Cost("tick", "worst tick [1000 instructions]", ("metrics", "tick_instructions", "worst"), 1e-3),
 )
 
@@ -71,13 +72,13 @@ def is_choice(point: Measured) -> bool:
     return point.point.sweep != "delay_frames"
 
 
-def on_frontier(points: Sequence[Measured]) -> dict[str, bool]:
+def on_frontier(points: Sequence[Measured], costs: Sequence[Cost] = COSTS) -> dict[str, bool]:
     """By name, of points that are choices: does no other one of the same experiment have a smaller or equal error and smaller
     or equal costs, one of them smaller?"""
     result: dict[str, bool] = {}
     for experiment in dict.fromkeys(point.point.experiment.name for point in points):
         own = [point for point in points if point.point.experiment.name == experiment and is_choice(point)]
-        beaten = dominated([(point.metrics["error_percent"], *(cost.of(point) for cost in COSTS)) for point in own])
+        beaten = dominated([(point.metrics["error_percent"], *(cost.of(point) for cost in costs)) for point in own])
         result |= {point.point.name: not flag for point, flag in zip(own, beaten, strict=True)}
     return result
 

@@ -58,17 +58,20 @@ class Study(Case):
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers that come one by one. columns: headings with units. main: the report shows it at once."""
+    """Numbers that come one by one. columns: headings with units. main: the report shows it at once. names: of the rows, in
+    front of their numbers and without a heading, if they have any."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[float, ...], ...]
     main: bool = False
+    names: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of results.json; a number that is not finite becomes null."""
         rows = [[number_or_none(value) for value in row] for row in self.rows]
-        return {"title": self.title, "columns": list(self.columns), "rows": rows}
+        names = {"names": list(self.names)} if self.names else {}
+        return {"title": self.title, "columns": list(self.columns), **names, "rows": rows}
 
 
 @dataclass(frozen=True)

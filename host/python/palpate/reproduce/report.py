@@ -167,10 +167,11 @@ def _section(result: FigureResult, hil: bool) -> str:
 
 
 def _table(table: Table) -> str:
-    head = "".join(f"<th>{html.escape(column)}</th>" for column in table.columns)
+    head = "".join(f"<th>{html.escape(column)}</th>" for column in (("",) if table.names else ()) + table.columns)
+    names = [f"<td>{html.escape(name)}</td>" for name in table.names] or [""] * len(table.rows)
     body = "".join(
-        "<tr>" + "".join(f'<td class="number">{format_number(value)}</td>' for value in row) + "</tr>"
-        for row in table.rows
+        f"<tr>{name}" + "".join(f'<td class="number">{format_number(value)}</td>' for value in row) + "</tr>"
+        for name, row in zip(names, table.rows, strict=True)
     )
     return (
         f"<details{' open' if table.main else ''}><summary>{html.escape(table.title)} ({len(table.rows)})</summary>"
