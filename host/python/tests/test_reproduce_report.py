@@ -142,7 +142,7 @@ def test_every_figure_of_the_paper_has_scenes_and_claims() -> None:
         assert figure.claims and figure.setting and figure.caption
         assert figure.cases and len({case.name for case in figure.cases}) == len(figure.cases)
     used = {case.file for figure in FIGURES.values() for case in figure.cases}
-    assert used == {file for folder in ("reproduce", "reduce") for file in (SCENES / folder).glob("*.toml")}
+    assert used == {file for folder in ("reproduce", "reduce", "frontier") for file in (SCENES / folder).glob("*.toml")}
 
 
 def test_names_are_selected_in_the_papers_order() -> None:

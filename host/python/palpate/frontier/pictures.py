@@ -133,7 +133,7 @@ def _draw_numbers(panel: Axes, places: Sequence[_Place], numbers: Sequence[int])
         else:
             groups.append((place, [number]))
     for first, together in groups:
-        text = ", ".join(map(str, together))
+        text = ", ".join(map(str, sorted(together)))
         panel.annotate(text, (first.x, first.y), xytext=(5, 3), textcoords="offset points", fontsize=8)
 
 
