@@ -62,15 +62,14 @@ void set_dofs(LocalModel& model, const Body& body, const StoredBasis& span, cons
 
 KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
                              const std::vector<double>& shift_rad_s, double step_s,
-                             const LocalModelCapacity& capacity)
+                             const LocalModelCapacity& capacity, const BasisPolicy& bases)
     : body_(body),
-      patch_(patch),
       at_(at),
       step_s_(step_s),
       capacity_(capacity),
       port_limit_(std::min(capacity.surface_nodes,
                            capacity.modes / (3 * std::max(1, static_cast<int>(shift_rad_s.size()))))),
-      store_(body, shift_rad_s),
+      patches_(body, patch, port_limit_, shift_rad_s, bases),
       forces_(body),
       excitation_(body.dof_count(), 2),
       bent_(body) {
@@ -79,6 +78,11 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
         "the local model has 3 modes for each of " + std::to_string(patch.along_first * patch.along_second) +
         " surface nodes and " + std::to_string(shift_rad_s.size()) + " frequencies, allowed: at most " +
         std::to_string(capacity.modes) + " in all");
+}
+
+std::uint32_t KrylovBuilder::foresight_ticks() const {
+  const BasisPolicy& policy = patches_.source().policy();
+  return policy.timing == BasisTiming::waits ? 0 : std::max(1U, policy.latency_ticks);
 }
 
 const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const StoredBasis> span,
@@ -131,11 +135,12 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
   if (!held.empty())
     throw std::invalid_argument("node " + std::to_string(held.front()) +
                                 " is driven: the whole body's modes do not know driven nodes");
-  const std::vector<int> nodes = select_patch(body_, contact, patch_);
-  // All surface nodes of the patch are ports, so that the basis can be used again; at the body's edges, where
-  // more than the capacity are on the surface, those nearest to the contact.
-  SubsetSurface surface = subset_surface(body_, nodes, contact, port_limit_);
-  const std::shared_ptr<const StoredBasis> span = store_.basis(surface.node);
+  const PatchBasis* patch = patches_.at(contact);
+  if (patch == nullptr) return {};
+  const auto& [nodes, ports, span] = *patch;
+  // All surface nodes of the patch are ports, so that the basis can be used again; where the model has no
+  // room for all of them, it has those nearest to the contact.
+  SubsetSurface surface = ports;
   const Eigen::Index count = span->lambda_rad2_s2.size();
   if (surface_limit(capacity_, count) < static_cast<int>(surface.node.size()))
     surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));

@@ -10,11 +10,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
-#include "host/linearize/basis_store.hpp"
 #include "host/linearize/model_builder.hpp"
+#include "host/linearize/patch_bases.hpp"
 #include "host/linearize/stored_basis.hpp"
 #include "host/msd/forces.hpp"
 #include "host/msd/tangent.hpp"
@@ -27,14 +29,19 @@ class KrylovBuilder final : public ModelBuilder {
   // Throws as it does, and where a patch of this size may have more modes than the capacity.
   KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
                 const std::vector<double>& shift_rad_s, double step_s,
-                const LocalModelCapacity& capacity = {});
+                const LocalModelCapacity& capacity = {}, const BasisPolicy& bases = {});
+
+  [[nodiscard]] std::uint32_t foresight_ticks() const override;
+  void foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts) override {
+    patches_.foresee(tick, contacts);
+  }
 
   // Throws std::invalid_argument for held nodes: the basis is that of a body in which they are free.
   LocalModel build(const BodyState& state, const SurfacePoint& contact,
                    const std::vector<int>& held) override;
 
-  // Bases that had to be computed so far; the others were remembered.
-  [[nodiscard]] std::size_t computed() const { return store_.counts().computed; }
+  [[nodiscard]] BasisCounts bases() const override { return patches_.source().counts(); }
+  [[nodiscard]] std::size_t basis_waits() const override { return patches_.waits(); }
 
  private:
   // What of a model is a constant of body and patch as long as the tangent is that at rest.
@@ -50,12 +57,11 @@ class KrylovBuilder final : public ModelBuilder {
   [[nodiscard]] Eigen::MatrixXd projected(const BodyState& state, const StoredBasis& span);
 
   const Body& body_;
-  PatchSize patch_;
   TangentAt at_;
   double step_s_;
   LocalModelCapacity capacity_;
   int port_limit_;
-  BasisStore store_;
+  PatchBases patches_;
   AtRest at_rest_;
   ForceEvaluator forces_;
   Eigen::Matrix3Xd force_N_;

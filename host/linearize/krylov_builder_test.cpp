@@ -145,9 +145,9 @@ TEST_F(Krylov, RemembersBases) {
   const BodyState rest = body_.rest_state();
   const LocalModel first = builder.build(rest, top_at(body_, 0.0, 0.0), {});
   (void)builder.build(rest, top_at(body_, 0.015, 0.0), {});
-  EXPECT_EQ(builder.computed(), 2U);
+  EXPECT_EQ(builder.bases().computed, 2U);
   const LocalModel again = builder.build(rest, top_at(body_, 0.001, 0.001), {});
-  EXPECT_EQ(builder.computed(), 2U);
+  EXPECT_EQ(builder.bases().computed, 2U);
   EXPECT_EQ(first.node, again.node);
   EXPECT_EQ(first.basis, again.basis);
 }

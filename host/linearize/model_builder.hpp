@@ -1,9 +1,13 @@
 // From a state of the body and the contact's place to a local model: one interface, several builders.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
+#include "host/linearize/basis_source.hpp"
 #include "host/linearize/local_model.hpp"
 #include "host/linearize/model_surface.hpp"
 #include "host/linearize/patch_selection.hpp"
@@ -19,10 +23,23 @@ class ModelBuilder {
   ModelBuilder& operator=(const ModelBuilder&) = delete;
   virtual ~ModelBuilder() = default;
 
-  // A model linearized about the state, or with its forces, around the contact. held: nodes, ascending, that
-  // are driven. Throws std::invalid_argument where it can't.
+  // How long it takes to prepare for a contact somewhere else; 0 where there is nothing to prepare.
+  [[nodiscard]] virtual std::uint32_t foresight_ticks() const { return 0; }
+  // The contacts to prepare for, the most urgent first. Ticks do not go back.
+  virtual void foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts) {
+    (void)tick;
+    (void)contacts;
+  }
+
+  // A model linearized about the state, or with its forces, around the contact. Without modes: none can be
+  // had now. held: nodes, ascending, that are driven. Throws std::invalid_argument where it can't.
   virtual LocalModel build(const BodyState& state, const SurfacePoint& contact,
                            const std::vector<int>& held) = 0;
+
+  // Of the bases that it needed; zeros where it needs none.
+  [[nodiscard]] virtual BasisCounts bases() const { return {}; }
+  // Models for which a basis was not there yet: they are on the patch before, or were not had.
+  [[nodiscard]] virtual std::size_t basis_waits() const { return 0; }
 };
 
 enum class Builder {
@@ -41,6 +58,7 @@ struct BuilderConfig {
   PatchSize patch{};
   TangentAt tangent = TangentAt::frame;  // of krylov; a patch has the frame's
   std::vector<double> shift_rad_s;       // of krylov
+  BasisPolicy bases{};                   // of krylov
 };
 
 // The body must outlive the builder. Models step by step_s. Throws as the builders do.

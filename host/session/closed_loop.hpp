@@ -86,6 +86,7 @@ struct UpdateRecord {
 struct LoopCounters {
   std::uint64_t frames_lost_down = 0, frames_lost_up = 0;
   std::uint32_t models_sent = 0, models_taken = 0, models_refused = 0;
+  std::uint64_t basis_waits = 0;  // ModelBuilder::basis_waits
 };
 
 struct ClosedLoopResult {
@@ -98,6 +99,8 @@ struct ClosedLoopResult {
   std::uint32_t peak_tick = 0;
   Vec3d tip_at_peak_m{};
   std::vector<int> patch_at_peak;
+  // Depends on the files that there were before, unlike all else.
+  BasisCounts bases;
 };
 
 // Runs `config.ticks` servo ticks and shuts the board down. `down` carries bytes to the board, `up` to the

@@ -1,5 +1,8 @@
 #include "host/session/session.hpp"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -8,6 +11,13 @@
 #include "shared/servo_tick.hpp"
 
 namespace palpate::host {
+namespace {
+
+// Places on the tip's way ahead to prepare for: where it will be when what is begun now is done, when what is
+// begun after that is done, and between the two.
+constexpr std::array kForeseen{1.0, 1.5, 2.0};
+
+}  // namespace
 
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
     : body_(body),
@@ -61,6 +71,37 @@ std::optional<SurfacePoint> Session::focus() const {
   return nearest;
 }
 
+// Where the tip will be by the speed that it had since the update before, but never beneath the surface that
+// it is over or touches: it stays there, or goes along. The place where it is now comes last: a tip that
+// moves on is no longer there when that is ready.
+void Session::foresee(const std::optional<SurfacePoint>& focus) {
+  const Eigen::Vector3d tip_m = to_eigen(path_.at(tick_));
+  const Eigen::Vector3d moved_m = tip_m - tip_m_;
+  const std::uint32_t elapsed = tick_ - tip_tick_;
+  tip_m_ = tip_m;
+  const bool first = std::exchange(tip_tick_, tick_) == 0;
+  const std::uint32_t ahead = builder_->foresight_ticks();
+  if (ahead == 0) return;
+  const Eigen::Matrix3Xd& position_m = surface_.state().position_m;
+  const SurfacePoint below = focus ? *focus : nearest_surface_point(body_, position_m, tip_m);
+  const Eigen::Vector3d below_m = surface_position_m(body_, position_m, below);
+  const Triangle& corner = body_.triangles()[static_cast<std::size_t>(below.triangle)];
+  const Eigen::Vector3d normal = (position_m.col(corner[1]) - position_m.col(corner[0]))
+                                     .cross(position_m.col(corner[2]) - position_m.col(corner[0]))
+                                     .normalized();
+  std::vector<SurfacePoint> contacts;
+  for (const double part : kForeseen) {
+    if (first) break;
+    Eigen::Vector3d then_m = tip_m + part * ahead / elapsed * moved_m;
+    then_m -= std::min(0.0, (then_m - below_m).dot(normal)) * normal;
+    const SurfacePoint nearest = nearest_surface_point(body_, position_m, then_m);
+    const double distance = (surface_position_m(body_, position_m, nearest) - then_m).norm();
+    if (distance - config_.law.tip_radius_m <= config_.near_m) contacts.push_back(nearest);
+  }
+  if (focus) contacts.push_back(*focus);
+  builder_->foresee(tick_, contacts);
+}
+
 std::optional<ModelUpdate> Session::update() {
   if (path_.empty()) return std::nullopt;
   interpolate_old_gaps();
@@ -73,6 +114,7 @@ std::optional<ModelUpdate> Session::update() {
   // Not with the first sample alone: whether the tip starts inside the body is known after a tick.
   if (tick_ == before) return std::nullopt;
   const auto point = focus();
+  foresee(point);
   std::optional<ModelUpdate> sent;
   if (point) sent = feedback_->kind() == ModelKind::held_force ? send_force() : send_model(*point);
   if (!sent) feedback_->sent_none();
@@ -89,7 +131,7 @@ ModelUpdate Session::begin_update() {
 
 std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
   const LocalModel model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
-  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only: nothing that yields
+  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
   ModelUpdate update = begin_update();
   pack_model(model, {sequence_, tick_, config_.valid_ticks, config_.tip, feedback_->kind()}, config_.law,
              config_.surface, surface_.friction(), contact_, update.message);

@@ -73,9 +73,11 @@ class Session {
     std::uint32_t sequence;  // of the first model that builds on it; the next one where there is none yet
   };
   [[nodiscard]] const std::vector<Interpolated>& interpolated() const { return interpolated_; }
+  [[nodiscard]] const ModelBuilder& builder() const { return *builder_; }
 
  private:
   [[nodiscard]] std::optional<SurfacePoint> focus() const;
+  void foresee(const std::optional<SurfacePoint>& focus);
   void interpolate_old_gaps();
   void advance_body();
   [[nodiscard]] ModelUpdate begin_update();
@@ -92,6 +94,9 @@ class Session {
   bool started_ = false;
   std::uint32_t tick_ = 0;
   std::uint32_t sequence_ = 0;
+  // Of the update before.
+  std::uint32_t tip_tick_ = 0;
+  Eigen::Vector3d tip_m_ = Eigen::Vector3d::Zero();
   std::optional<std::uint32_t> requested_until_;  // gaps that end here were asked for at the last update
   std::vector<Interpolated> interpolated_;
   std::uint32_t interpolated_in_model_ = 0;

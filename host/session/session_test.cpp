@@ -204,5 +204,26 @@ TEST_F(SessionTest, RefusesAStepThatDoesNotDivideTheTick) {
             "");
 }
 
+TEST_F(SessionTest, WantsBasesBeforeTheTipIsThere) {
+  // 6 cm along the top of a block, up to 7.5 cm/s: from cell to cell another patch.
+  const Body body = block(10);
+  path_ = Path{{0.0145, 0.0465, 5e-4}};
+  path_.to({0.0145, 0.0465, -1e-3}, 500).to({0.0745, 0.0465, -1e-3}, 1200);
+  config_.model.builder = Builder::krylov;
+  config_.model.tangent = TangentAt::rest;
+  config_.model.shift_rad_s = {0.0};
+  config_.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
+  Session foreseen(body, body.rest_state(), config_);
+  const auto updates = run(foreseen);
+  EXPECT_GT(updates.size(), 40u);
+  // Only at the beginning, when nothing could be known before.
+  EXPECT_LE(foreseen.builder().basis_waits(), 4u);
+  // Too slow for the tip, it goes on with the patch before, as far as that goes.
+  config_.model.bases.latency_ticks = 300;
+  Session slow(body, body.rest_state(), config_);
+  EXPECT_GT(run(slow).size(), 30u);
+  EXPECT_GT(slow.builder().basis_waits(), 9u);
+}
+
 }  // namespace
 }  // namespace palpate::host

@@ -1,6 +1,7 @@
 #include "host/session/closed_loop.hpp"
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
 
 #include <array>
 #include <string>
@@ -103,10 +104,10 @@ void require_reach(const nb::dict& scene, const plant::PlantParameters& paramete
 }  // namespace
 
 nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
-                         const nb::callable& progress) {
+                         const nb::callable& progress, const std::string& cache_folder) {
   const host::Body body = read_body(scene);
   const host::BodyState start = read_start(scene, body);
-  const host::ClosedLoopConfig config = read_closed_loop(scene, body);
+  const host::ClosedLoopConfig config = read_closed_loop(scene, body, cache_folder);
   const plant::PlantParameters parameters = read_plant(scene);
   require_reach(scene, parameters);
   plant::Plant plant(parameters, read_path(scene));
@@ -137,6 +138,8 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
   result["models_sent"] = run.counters.models_sent;
   result["models_taken"] = run.counters.models_taken;
   result["models_refused"] = run.counters.models_refused;
+  result["basis_waits"] = run.counters.basis_waits;
+  result["basis_problem"] = run.bases.problem;
   return result;
 }
 

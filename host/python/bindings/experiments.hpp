@@ -13,7 +13,8 @@ namespace nb = nanobind;
 using Times = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Positions = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
-nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress);
+nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress,
+                         const std::string& cache_folder);
 nb::dict linear_body(const nb::dict& scene);
 nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& models, double press_m,
                            const nb::callable& progress);

@@ -1,3 +1,5 @@
+#include <nanobind/stl/string.h>
+
 #include "firmware/core/renderer.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "shared/model/local_model.hpp"
@@ -10,7 +12,7 @@ NB_MODULE(_core, module) {
   module.attr("MAX_MODES") = palpate::kMaxModes;
   module.attr("RENDERER_BYTES") = sizeof(palpate::firmware::Renderer);
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
-             "progress"_a);
+             "progress"_a, "cache_folder"_a);
   module.def("linear_body", &palpate::python::linear_body, "scene"_a);
   module.def("compliance_errors", &palpate::python::compliance_errors, "scene"_a, "node"_a, "models"_a,
              "press_m"_a, "progress"_a);

@@ -207,7 +207,8 @@ host::BuilderConfig read_model(const nb::dict& model) {
   return config;
 }
 
-host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body) {
+host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body,
+                                        const std::string& cache_folder) {
   const nb::dict rates = table(scene, "rates"), model = table(scene, "model"), board = table(scene, "board");
   host::ClosedLoopConfig config;
   config.ticks = whole(scene, "duration_ticks");
@@ -222,6 +223,11 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
   config.session.model = read_model(model);
+  host::BasisPolicy& bases = config.session.model.bases;
+  bases.timing = host::BasisTiming::virtual_time;
+  bases.latency_ticks = whole(model, "basis_latency_ticks");
+  if (const std::uint64_t cache_MB = whole(model, "basis_cache_MB"); cache_MB > 0)
+    bases.cache = {cache_folder, 1'000'000 * cache_MB};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
   config.session.feedback = choice<host::Feedback>(text(model, "feedback"), "model.feedback",
                                                    {{"exact", host::Feedback::exact},

@@ -30,7 +30,9 @@ plant::TipPath read_path(const nb::dict& scene);
 plant::PlantParameters read_plant(const nb::dict& scene);
 // Of the table [model] what its builder needs.
 host::BuilderConfig read_model(const nb::dict& model);
-host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body);
+// cache_folder: for bases (model.basis_cache_MB).
+host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body,
+                                        const std::string& cache_folder);
 host::Method read_method(const nb::dict& scene);
 
 nb::dict table(const nb::dict& scene, const char* name);

@@ -19,11 +19,13 @@ MAX_MODES: int
 RENDERER_BYTES: int
 
 def run_closed_loop(
-    scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress
+    scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress, cache_folder: str
 ) -> dict[str, Any]:
     """Runs plant, hand, link and session against a board that reads SensorFrames from sensor_fd and writes
     ActuatorFrames to actuator_fd, and shuts the board down. Returns the datasets of `record_layout.RUN` by path, those
-    of reference/ and probe/reference_m excepted, and the counters of `record_layout.RUN_COUNTERS`."""
+    of reference/ and probe/reference_m excepted, and the counters of `record_layout.RUN_COUNTERS`.
+    cache_folder: for the modes of patches, unless the scene wants no files. By "basis_problem": the latest file there
+    that was refused or could not be written, and why; empty where there was none."""
 
 def simulate(scene: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """The full body alone, its tip on the scene's path if there is one. Returns the datasets of

@@ -256,6 +256,7 @@ def _experiment(arguments: argparse.Namespace) -> int:
     failures, warnings = board_failures(outcome.summary), suspicions(outcome.summary)
     if is_demo:  # there, nothing of the kind is meant
         failures, warnings = failures + warnings, []
+    warnings = [*warnings, *outcome.warnings]
     for message in failures + [f"warning: {warning}" for warning in warnings]:
         print(f"palpate {arguments.command}: {message}", file=sys.stderr)
     return FAILED if failures else OK

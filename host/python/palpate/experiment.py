@@ -37,6 +37,7 @@ class Outcome:
 
     summary: dict[str, Any]
     files: dict[str, Path]
+    warnings: tuple[str, ...] = ()
 
 
 def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress) -> Outcome:
@@ -56,6 +57,7 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
         results, console = hil.run_closed_loop(core, given, board, bar)
     wall_clock_s = {"run_s": round(time.monotonic() - started_s, 3)}
     counters = {name: results.pop(name) for name in record_layout.RUN_COUNTERS}
+    basis_problem = results.pop("basis_problem")
     if scene.sections.reference.enabled:
         started_s = time.monotonic()
         with progress("reference", "tick") as bar, _naming(scene, "reference"):
@@ -89,7 +91,7 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
         )
     if scene.sections.outputs.pictures:
         _draw_run(files, scene, values, time_s)
-    return Outcome(numbers, files.finish(numbers))
+    return Outcome(numbers, files.finish(numbers), (basis_problem,) if basis_problem else ())
 
 
 def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outcome:

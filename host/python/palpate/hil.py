@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from palpate.paths import BUILD
+from palpate.paths import BUILD, cache_folder
 
 Progress = Callable[[int, int], bool]
 
@@ -221,7 +221,9 @@ def run_closed_loop(
             return progress(done, total)
 
         try:
-            results = core.run_closed_loop(scene, running.actuator_fd, running.sensor_fd, watched_progress)
+            results = core.run_closed_loop(
+                scene, running.actuator_fd, running.sensor_fd, watched_progress, str(cache_folder() / "bases")
+            )
         except RuntimeError as error:
             failure = running.failure()
             if failure is not None:

@@ -243,4 +243,6 @@ RUN_COUNTERS = {
     "models_sent": "local models that the host sent",
     "models_taken": "local models that the board took over",
     "models_refused": "local models that the board refused or dropped",
+    "basis_waits": "updates at which the modes of the patch around the tip were not there yet: the patch before was used, "
+    "or no model was sent",
 }

@@ -252,6 +252,20 @@ class Model:
         unit="Hz",
         default=(0.0,),
     )
+    basis_latency_ticks: int = key(
+        Integer(0, 60_000),
+        "virtual time that the modes of a patch take to compute, one patch at a time; until then the patch before is used "
+        "as far as it goes, so that a run does not depend on the machine's speed; 0: none",
+        unit="ticks",
+        default=100,
+    )
+    basis_cache_MB: int = key(
+        Integer(0, 1_000_000),
+        "modes of patches are kept in files for later runs, at most so much, in `$PALPATE_CACHE` or `palpate` in the user's "
+        "cache folder (`$XDG_CACHE_HOME` or `~/.cache`); results are the same bits with and without; 0: no files",
+        unit="MB",
+        default=1024,
+    )
     feedback: str = key(
         Choice(("exact", "paper", "discard", "hold")),
         "what the full body on the host learns of the contact between two updates; `exact`: it goes through the tip's "

@@ -46,6 +46,7 @@ RUN_KEYS = (
     SummaryKey("model_updates", "", "local models that the board took over"),
     SummaryKey("models_sent", "", "local models that the host sent"),
     SummaryKey("models_refused", "", "local models that the board refused or dropped"),
+    SummaryKey("basis_waits", "", "updates at which the modes of the patch around the tip were not there yet"),
     SummaryKey(
         "model_age_ticks",
         "ticks",
@@ -183,6 +184,7 @@ def summarize_run(
         "model_updates": int(counters["models_taken"]),
         "models_sent": int(counters["models_sent"]),
         "models_refused": int(counters["models_refused"]),
+        "basis_waits": int(counters["basis_waits"]),
         "model_age_ticks": {"median": float(np.median(age)), "worst": int(age.max())} if len(age) else None,
         "link_bytes_per_s": {
             "up": float(values["ticks/link_up_bytes"].sum(dtype=np.int64)) / duration_s,

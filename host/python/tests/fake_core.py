@@ -26,7 +26,7 @@ def _side(scene: dict[str, Any]) -> int:
 
 
 def run_closed_loop(
-    scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress
+    scene: dict[str, Any], actuator_fd: int, sensor_fd: int, progress: Progress, cache_folder: str
 ) -> dict[str, Any]:
     """Exchanges a byte per tick with the fake board; returns made-up results."""
     for tick in range(TICKS):
@@ -40,6 +40,7 @@ def run_closed_loop(
     return {
         **{path: array for path, array in values.items() if not path.startswith("reference/")},
         **counters,
+        "basis_problem": "",
     }
 
 

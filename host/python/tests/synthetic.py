@@ -126,6 +126,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "models_sent": updates,
         "models_taken": updates,
         "models_refused": 0,
+        "basis_waits": 0,
     }
     return values, counters
 

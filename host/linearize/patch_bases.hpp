@@ -1,0 +1,54 @@
+// The patch around a contact with the basis of its surface nodes, or the one before as long as it will do.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "host/linearize/basis_source.hpp"
+#include "host/linearize/patch_selection.hpp"
+#include "host/linearize/stored_basis.hpp"
+#include "host/msd/body.hpp"
+#include "host/msd/surface_point.hpp"
+
+namespace palpate::host {
+
+struct PatchBasis {
+  std::vector<int> nodes;  // of the patch
+  SubsetSurface surface;   // whose nodes are the ports
+  std::shared_ptr<const StoredBasis> span;
+};
+
+class PatchBases {
+ public:
+  // A patch has at most port_limit ports: at the body's edges, where more nodes are on the surface, those
+  // nearest to the contact. The body must outlive it. Throws as BasisSource does.
+  PatchBases(const Body& body, const PatchSize& size, int port_limit, const std::vector<double>& shift_rad_s,
+             const BasisPolicy& policy)
+      : body_(body), size_(size), port_limit_(port_limit), source_(body, shift_rad_s, policy) {}
+
+  // The contacts that are there or expected, the most urgent first. Once before the patches of a tick.
+  void foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts);
+
+  // The patch around the contact; while its basis is not there yet, the one that was given last, if the
+  // contact lies on its surface. Null: neither. It stays until the next call.
+  const PatchBasis* at(const SurfacePoint& contact);
+
+  [[nodiscard]] const BasisSource& source() const { return source_; }
+  // How often the patch around the contact had no basis yet.
+  [[nodiscard]] std::size_t waits() const { return waits_; }
+
+ private:
+  [[nodiscard]] PatchBasis wanted(const SurfacePoint& contact) const;
+
+  const Body& body_;
+  PatchSize size_;
+  int port_limit_;
+  BasisSource source_;
+  PatchBasis last_;
+  std::size_t waits_ = 0;
+};
+
+}  // namespace palpate::host
