@@ -41,7 +41,8 @@ std::vector<host::bench::TouchedState> touched_states(const nb::dict& scene, con
 
 nb::dict model_cost(const nb::dict& scene, std::uint32_t rounds) {
   const host::Body body = read_body(scene);
-  const host::ClosedLoopConfig loop = read_closed_loop(scene, body);
+  host::ClosedLoopConfig loop = read_closed_loop(scene, body, "");
+  loop.session.model.bases = {};  // each is computed, and waited for
   const std::vector<host::bench::TouchedState> states = touched_states(scene, body, loop);
   host::bench::ModelCost cost;
   {
