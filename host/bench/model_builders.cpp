@@ -15,6 +15,7 @@
 #include "host/linearize/model_builder.hpp"
 #include "host/linearize/pressed_state.hpp"
 #include "host/msd/lattice.hpp"
+#include "host/msd/semi_implicit_euler.hpp"
 
 namespace {
 

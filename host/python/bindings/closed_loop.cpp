@@ -103,8 +103,8 @@ void require_reach(const nb::dict& scene, const plant::PlantParameters& paramete
 
 }  // namespace
 
-nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd,
-                         const nb::callable& progress, const std::string& cache_folder) {
+nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress,
+                         const std::string& cache_folder) {
   const host::Body body = read_body(scene);
   const host::BodyState start = read_start(scene, body);
   const host::ClosedLoopConfig config = read_closed_loop(scene, body, cache_folder);
