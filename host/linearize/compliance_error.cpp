@@ -27,7 +27,7 @@ double norm(const Eigen::Matrix3cd& compliance) {
   return Eigen::JacobiSVD<Eigen::Matrix3cd>(compliance).singularValues()[0];
 }
 
-Eigen::Matrix3cd compliance(const LocalModel& model, const SurfacePoint& point, double frequency_rad_s) {
+Eigen::Matrix3Xd modes_at(const LocalModel& model, const SurfacePoint& point) {
   const auto found = std::find(model.triangle.begin(), model.triangle.end(), point.triangle);
   if (found == model.triangle.end())
     throw std::invalid_argument("triangle " + std::to_string(point.triangle) +
@@ -36,6 +36,11 @@ Eigen::Matrix3cd compliance(const LocalModel& model, const SurfacePoint& point, 
   Eigen::Matrix3Xd phi = Eigen::Matrix3Xd::Zero(3, model.modes());
   for (int c = 0; c < 3; ++c)
     phi += point.barycentric[c] * model.basis.middleRows<3>(3 * corner[static_cast<std::size_t>(c)]);
+  return phi;
+}
+
+Eigen::Matrix3cd compliance(const LocalModel& model, const SurfacePoint& point, double frequency_rad_s) {
+  const Eigen::Matrix3Xd phi = modes_at(model, point);
   const double w = frequency_rad_s;
   const Eigen::VectorXcd answer =
       (model.lambda_rad2_s2.array() - w * w + std::complex<double>(0, w) * model.damping_rad_s.array())

@@ -14,6 +14,10 @@ namespace palpate::host {
 // finds a largest error that is at most 2 % of itself larger (compliance_error_test.cpp).
 std::vector<double> compliance_grid_Hz(int per_decade = 40);
 
+// The modes at a point of the model's surface, 1 / sqrt(kg). Throws std::invalid_argument for a triangle that
+// the model does not have.
+Eigen::Matrix3Xd modes_at(const LocalModel& model, const SurfacePoint& point);
+
 // Displacement of a point of the model's surface under unit forces on it, in continuous time, m / N: sum over
 // modes of phi phi' / (lambda - w^2 + i w d). Throws std::invalid_argument for a triangle that the model does
 // not have.

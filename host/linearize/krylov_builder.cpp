@@ -92,6 +92,7 @@ const KrylovBuilder::AtRest& KrylovBuilder::at_rest(std::shared_ptr<const Stored
   // The span's modes are those of the tangent at rest.
   model.lambda_rad2_s2 = span->lambda_rad2_s2;
   model.damping_rad_s = span->damping_1_s.diagonal();
+  model.damping_1_s = span->damping_1_s;
   const Eigen::MatrixXd coupling = span->damping_1_s - Eigen::MatrixXd(model.damping_rad_s.asDiagonal());
   if (const double all = span->damping_1_s.norm(); all > 0) model.damping_coupling = coupling.norm() / all;
   set_step(model, step_s_);
@@ -108,6 +109,7 @@ LocalModel KrylovBuilder::of_frame(const BodyState& state, const StoredBasis& sp
   LocalModel model;
   model.lambda_rad2_s2 = std::move(turned.lambda_rad2_s2);
   model.damping_rad_s = std::move(turned.damping_rad_s);
+  model.damping_1_s = std::move(turned.damping_1_s);
   model.damping_coupling = turned.damping_coupling;
   model.stiffness_asymmetry = turned.stiffness_asymmetry;
   set_step(model, step_s_);

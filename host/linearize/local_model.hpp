@@ -32,12 +32,14 @@ struct LocalModel {
   // All degrees of freedom, those below the surface too: displacement = dof_basis q, velocity = dof_basis p.
   std::vector<int> dof_node, dof_axis;  // the body's number of the node, and the axis, of each row
   Eigen::MatrixXd dof_basis;            // 1 / sqrt(kg)
+  Eigen::MatrixXd damping_1_s;          // Phi' D Phi, of which the board has the diagonal (damping_error.hpp)
   // State.
   Eigen::VectorXd q;  // sqrt(kg) m
   Eigen::VectorXd p;  // sqrt(kg) m / s
   // Error indicators (modal_reduction.hpp).
   double damping_coupling = 0;
   double stiffness_asymmetry = 0;
+  int limited_modes = 0;  // that would grow faster than they may (growth_limit.hpp)
 
   [[nodiscard]] Eigen::Index modes() const { return q.size(); }
 };

@@ -34,6 +34,7 @@ ModalBasis reduce_to_modes(const Eigen::MatrixXd& stiffness_N_m, const Eigen::Ma
   const Eigen::Index dofs = mass_kg.size();
   if (dofs == 0) {
     modes.basis_1_sqrt_kg.resize(0, 0);
+    modes.damping_1_s.resize(0, 0);
     return modes;
   }
   const Eigen::MatrixXd symmetric = 0.5 * (stiffness_N_m + stiffness_N_m.transpose());
@@ -48,11 +49,10 @@ ModalBasis reduce_to_modes(const Eigen::MatrixXd& stiffness_N_m, const Eigen::Ma
   modes.lambda_rad2_s2 = solver.eigenvalues();
   modes.basis_1_sqrt_kg = inverse_root_mass.asDiagonal() * solver.eigenvectors();
 
-  const Eigen::MatrixXd modal_damping =
-      modes.basis_1_sqrt_kg.transpose() * damping_N_s_m * modes.basis_1_sqrt_kg;
-  modes.damping_rad_s = modal_damping.diagonal();
-  const Eigen::MatrixXd coupling = modal_damping - Eigen::MatrixXd(modes.damping_rad_s.asDiagonal());
-  modes.damping_coupling = relative(coupling.norm(), modal_damping.norm());
+  modes.damping_1_s = modes.basis_1_sqrt_kg.transpose() * damping_N_s_m * modes.basis_1_sqrt_kg;
+  modes.damping_rad_s = modes.damping_1_s.diagonal();
+  const Eigen::MatrixXd coupling = modes.damping_1_s - Eigen::MatrixXd(modes.damping_rad_s.asDiagonal());
+  modes.damping_coupling = relative(coupling.norm(), modes.damping_1_s.norm());
   return modes;
 }
 

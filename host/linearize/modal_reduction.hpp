@@ -11,6 +11,7 @@ struct ModalBasis {
   Eigen::VectorXd lambda_rad2_s2;   // ascending
   Eigen::VectorXd damping_rad_s;    // diagonal of Phi' D Phi
   Eigen::MatrixXd basis_1_sqrt_kg;  // Phi: degrees of freedom x modes
+  Eigen::MatrixXd damping_1_s;      // Phi' D Phi, whole
   // What was neglected, each relative to the whole in the Frobenius norm: 0 where nothing was.
   double damping_coupling =
       0;  // off-diagonal part of Phi' D Phi; 0 for a body at rest with equal b / k throughout

@@ -28,6 +28,7 @@ LocalModel build_subset_model(const Body& body, const BodyState& state, const st
   LocalModel model;
   model.lambda_rad2_s2 = modes.lambda_rad2_s2;
   model.damping_rad_s = modes.damping_rad_s;
+  model.damping_1_s = modes.damping_1_s;
   model.damping_coupling = modes.damping_coupling;
   model.stiffness_asymmetry = modes.stiffness_asymmetry;
   set_step(model, step_s);

@@ -124,6 +124,7 @@ class Host {
     record.bytes = static_cast<std::uint32_t>(frame.bytes.size());
     record.interpolated_ticks = update.interpolated_ticks;
     record.damping_coupling = update.damping_coupling;
+    record.limited_modes = update.limited_modes;
     result_.updates.push_back(record);
     if (config_.probe_node) {
       std::vector<std::uint8_t> payload(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes);

@@ -81,6 +81,7 @@ struct UpdateRecord {
   std::uint32_t interpolated_ticks = 0;
   double interpolation_error_m = 0.0;
   double damping_coupling = 0.0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
+  int limited_modes = 0;          // that would grow too fast (host/linearize/growth_limit.hpp)
 };
 
 struct LoopCounters {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "host/linearize/growth_limit.hpp"
 #include "host/msd/vectors.hpp"
 #include "host/session/model_message.hpp"
 #include "shared/servo_tick.hpp"
@@ -130,13 +131,15 @@ ModelUpdate Session::begin_update() {
 }
 
 std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
-  const LocalModel model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
+  LocalModel model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
+  limit_growth(model, config_.valid_ticks * kTick_s);
   if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
   ModelUpdate update = begin_update();
   pack_model(model, {sequence_, tick_, config_.valid_ticks, config_.tip, feedback_->kind()}, config_.law,
              config_.surface, surface_.friction(), contact_, update.message);
   update.patch_nodes = model.node;
   update.damping_coupling = model.damping_coupling;
+  update.limited_modes = model.limited_modes;
   feedback_->sent(model, update.message, surface_.state(), path_.at(tick_));
   return update;
 }

@@ -43,6 +43,7 @@ struct ModelUpdate {
   std::vector<int> patch_nodes;  // surface nodes, the body's own numbers
   std::uint32_t interpolated_ticks = 0;
   double damping_coupling = 0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
+  int limited_modes = 0;        // that would grow too fast (host/linearize/growth_limit.hpp)
 };
 
 class Session {

@@ -77,6 +77,8 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
       column<double>(updates, [](const UpdateRecord& u) { return u.interpolation_error_m; });
   result["updates/damping_coupling"] =
       column<double>(updates, [](const UpdateRecord& u) { return u.damping_coupling; });
+  result["updates/limited_modes"] =
+      column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.limited_modes; });
 }
 
 // The hand would pull the arm against its stops: refused before the run, with the point's number in the

@@ -10,6 +10,8 @@
 
 #include "host/linearize/body_response.hpp"
 #include "host/linearize/compliance_error.hpp"
+#include "host/linearize/damping_error.hpp"
+#include "host/linearize/growth_limit.hpp"
 #include "host/linearize/model_builder.hpp"
 #include "host/linearize/pressed_state.hpp"
 #include "host/python/bindings/arrays.hpp"
@@ -45,7 +47,22 @@ Places places_at(const host::Body& body, int node) {
 struct Compared {
   host::LocalModel model;  // at the node
   host::ComplianceError at_node, between;
+  std::vector<double> damping_bound, damping_error;  // at the node; 0 at 0 Hz
 };
+
+// What the model's modes leave out of its damping costs at the node.
+void add_damping(Compared& one, const host::SurfacePoint& node, const std::vector<double>& frequency_Hz) {
+  const host::LocalModel& model = one.model;
+  const Eigen::Matrix3Xd phi = host::modes_at(model, node);
+  const double eta = host::damping_coupling_norm(model.damping_1_s);
+  for (const double hertz : frequency_Hz) {
+    const double w = 2.0 * std::numbers::pi * hertz;
+    one.damping_bound.push_back(
+        w > 0 ? host::damping_error_bound(phi, model.lambda_rad2_s2, model.damping_1_s, eta, w) : 0.0);
+    one.damping_error.push_back(w > 0 ? host::damping_error(phi, model.lambda_rad2_s2, model.damping_1_s, w)
+                                      : 0.0);
+  }
+}
 
 struct Body {
   std::vector<double> frequency_Hz;
@@ -58,6 +75,7 @@ nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& mode
                            const nb::callable& progress) {
   const host::Body body = read_body(scene);
   const double step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
+  const double valid_s = kTick_s * whole(table(scene, "model"), "valid_ticks");
   std::vector<host::BuilderConfig> configs;
   for (const nb::handle model : models) configs.push_back(read_model(nb::cast<nb::dict>(model)));
   const host::Progress report = with_gil(progress);
@@ -80,10 +98,16 @@ nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& mode
     }
     for (const host::BuilderConfig& config : configs) {
       const auto builder = host::make_builder(body, config, kTick_s);
-      Compared one{builder->build(state, place.node, {}), {}, {}};
+      const auto build = [&](const host::SurfacePoint& at) {
+        host::LocalModel model = builder->build(state, at, {});
+        host::limit_growth(model, valid_s);
+        return model;
+      };
+      Compared one{build(place.node), {}, {}, {}, {}};
       one.at_node = host::compliance_error(one.model, place.node, full.frequency_Hz, full.at_node);
-      one.between = host::compliance_error(builder->build(state, place.between, {}), place.between,
-                                           full.frequency_Hz, full.between);
+      one.between =
+          host::compliance_error(build(place.between), place.between, full.frequency_Hz, full.between);
+      add_damping(one, place.node, full.frequency_Hz);
       compared.push_back(std::move(one));
     }
     (void)report(total, total);
@@ -99,6 +123,9 @@ nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& mode
     entry["modes"] = one.model.modes();
     entry["basis"] = one.model.basis.size();
     entry["damping_coupling"] = one.model.damping_coupling;
+    entry["damping_bound"] = array(one.damping_bound);
+    entry["damping_error"] = array(one.damping_error);
+    entry["limited_modes"] = one.model.limited_modes;
     entry["at_node"] = array(one.at_node.relative);
     entry["between_nodes"] = array(one.between.relative);
     list.append(entry);

@@ -120,6 +120,12 @@ UPDATES = (
         "",
         "what its modes neglect: off-diagonal part of the modal damping, relative to the whole",
     ),
+    _update(
+        "limited_modes",
+        "u4",
+        "",
+        "modes that would grow more than tenfold while it is valid, and grow by that",
+    ),
 )
 
 REFERENCE = (

@@ -114,6 +114,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "updates/interpolated_ticks": np.zeros(updates),
         "updates/interpolation_error_m": np.zeros(updates),
         "updates/damping_coupling": np.zeros(updates),
+        "updates/limited_modes": np.zeros(updates),
         "reference/force_N": force_N,
         "reference/contact_mode": np.roll(mode, 3),
         "reference/normal": np.where((mode == 0)[:, None], np.nan, [0.0, 0.0, 1.0]),

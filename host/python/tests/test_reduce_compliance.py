@@ -66,6 +66,16 @@ def test_pressed_in_the_tangent_of_the_frame_answers_better() -> None:
     models = {one.name(): one for one in compare(0.004).models}
     assert models["krylov, frame, 0 Hz"].at_node[0] < 0.5 * models["krylov, rest, 0 Hz"].at_node[0]
     assert models["krylov, frame, 0 Hz"].damping_coupling > 1e-3
+    for one in models.values():
+        assert np.all(one.damping_error <= one.damping_bound * (1 + 1e-6) + 1e-9)
+    assert models["patch"].damping_error.max() > 0.01
+
+
+def test_growing_modes_are_counted() -> None:
+    """A node pressed in by more than a cell."""
+    models = {one.name(): one for one in compare(0.012, **{"body.nodes": [8, 8, 8]}).models}
+    assert models["patch"].limited_modes >= 1
+    assert models["krylov, rest, 0 Hz"].limited_modes == 0
 
 
 def test_candidates_fit_the_lattice_and_the_board() -> None:

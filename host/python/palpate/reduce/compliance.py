@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.reduce.study import finite
 from palpate.reduce.system import ContactSystem
 from palpate.scene import Scene, SceneError
 
@@ -25,14 +26,19 @@ KRYLOV_SHIFTS_HZ = ((0.0,), (0.0, 20.0), (0.0, 20.0, 150.0))
 @dataclass(frozen=True)
 class ModelError:
     """A local model of the board. model: the keys of [model] that its builder reads; modes, and basis: entries of the board's
-    basis; at_node, between_nodes (f,): relative error of the 3x3 compliance there; damping_coupling: see docs/records.md."""
+    basis; at_node, between_nodes (f,): relative error of the 3x3 compliance there; damping_error, damping_bound (f,): the part of
+    it at the node that comes from damping between modes, which is left out, and its bound (infinite: none); damping_coupling,
+    limited_modes: see docs/records.md."""
 
     model: dict[str, Any]
     modes: int
     basis: int
     at_node: Array
     between_nodes: Array
+    damping_error: Array
+    damping_bound: Array
     damping_coupling: float
+    limited_modes: int
 
     def name(self) -> str:
         """For a person."""
@@ -73,6 +79,9 @@ class Comparison:
                     "modes": one.modes,
                     "basis": one.basis,
                     "damping_coupling": one.damping_coupling,
+                    "damping_error": float(one.damping_error.max()),
+                    "damping_bound": finite(float(one.damping_bound.max())),
+                    "limited_modes": one.limited_modes,
                     "at_node": error(one.at_node),
                     "between_nodes": error(one.between_nodes),
                 }
@@ -95,7 +104,17 @@ def compare_builders(core: Any, scene: Scene, system: ContactSystem, press_m: fl
     except ValueError as error:
         raise SceneError(f"{scene.file}: {error}") from None
     compared = [
-        ModelError(model, one["modes"], one["basis"], one["at_node"], one["between_nodes"], one["damping_coupling"])
+        ModelError(
+            model,
+            one["modes"],
+            one["basis"],
+            one["at_node"],
+            one["between_nodes"],
+            one["damping_error"],
+            one["damping_bound"],
+            one["damping_coupling"],
+            one["limited_modes"],
+        )
         for model, one in zip(models, found["models"], strict=True)
     ]
     return Comparison(found["frequency_Hz"], found["compliance_m_N"], press_m, compared)
@@ -129,6 +148,13 @@ def candidates(
     return distinct
 
 
+def _left_out(one: ModelError) -> str:
+    """What the modes leave out, where it is more than 0.1 %."""
+    error, bound = 100 * one.damping_error.max(), 100 * one.damping_bound.max()
+    damping = f"; of it damping between modes {error:.2g} % (bound {bound:.2g} %)" if error > 0.1 else ""
+    return damping + (f"; {one.limited_modes} growing modes limited" if one.limited_modes else "")
+
+
 def describe(comparison: Comparison) -> list[tuple[str, str]]:
     """Rows of a table for a person."""
     where = f", pressed in by {1e3 * comparison.press_m:g} mm" if comparison.press_m else ""
@@ -139,7 +165,7 @@ def describe(comparison: Comparison) -> list[tuple[str, str]]:
             (
                 f"{one.name()}, {one.modes} modes",
                 f"{100 * one.at_node.max():.3g} % near {at_Hz:.3g} Hz, static {100 * one.at_node[0]:.2g} %; "
-                f"{100 * one.between_nodes.max():.3g} %",
+                f"{100 * one.between_nodes.max():.3g} %{_left_out(one)}",
             )
         )
     return rows
