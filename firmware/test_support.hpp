@@ -16,6 +16,7 @@
 #include "shared/model/test_model.hpp"
 #include "shared/wire/frame_receiver.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/packed_model.hpp"
 
 namespace palpate::firmware::test {
 
@@ -91,6 +92,14 @@ class HostPeer {
     send_bytes(frame(wire::MessageTraits<Message>::kSpecifier, transfer_id++, payload(message)));
   }
 
+  // A model: its basis in pieces, and its state.
+  void send(const wire::ModelContents& contents) {
+    const wire::PackedModel packed = wire::pack(contents);
+    if (packed.basis)
+      for (const auto& part : wire::parts_of(*packed.basis, packed.state.basis_id)) send(part);
+    send(packed.state);
+  }
+
   // Takes what the board has sent so far; every frame must be good.
   void pump() {
     std::vector<std::uint8_t> bytes(kLinkTransmitCapacity);
@@ -129,16 +138,15 @@ class HostPeer {
 
 // A soft square, 1 cm wide, its surface upwards at `centre_m`, at rest at `tick`: four masses of 1 g whose
 // modes, from 400 to 1,500 rad/s and well damped, hold some newtons at 2 mm.
-inline palpate_LocalModel_1_0 square_model(std::uint32_t sequence, std::uint32_t tick,
-                                           const Vec3f& centre_m) {
+inline wire::ModelContents square_model(std::uint32_t sequence, std::uint32_t tick, const Vec3f& centre_m) {
   const palpate::test::TestModel model(1e-3, 400.0, 1500.0, 1.0);
-  palpate_LocalModel_1_0 message{};
+  wire::ModelContents message{};
   message.sequence = sequence;
   message.schema_hash = wire::kSchemaHash;
   message.tick = tick;
   message.valid_ticks = 1000;
   message.modes = static_cast<std::uint16_t>(model.view.modes);
-  message.nodes = static_cast<std::uint8_t>(model.view.nodes);
+  message.nodes = message.surface_nodes = static_cast<std::uint8_t>(model.view.nodes);
   message.triangles = static_cast<std::uint8_t>(model.view.triangles);
   constexpr float kHalfWidth_m = 0.005f;
   const Vec3f corner_m = centre_m - Vec3f{kHalfWidth_m, kHalfWidth_m, 0.0f};

@@ -54,7 +54,8 @@ class LinkCodec:
     """Cyphal/serial frames of single-frame transfers: 00 | COBS(header | payload | CRC-32C) | 00."""
 
     HOST_NODE, BOARD_NODE, BROADCAST = 10, 42, 0xFFFF
-    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, LOCAL_MODEL, TRACE_REQUEST = 1600, 1601, 1602, 1610, 1611
+    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, BASIS_REPORT = 1600, 1601, 1602, 1603
+    MODEL_STATE, TRACE_REQUEST, MODEL_PART = 1610, 1611, 1612
     COMMAND, GET_INFO = 300, 301
     _HEADER = struct.Struct("<BBHHHQIH")
 
@@ -173,6 +174,9 @@ class BoardInfo:
     max_basis: int
     max_nodes: int
     max_triangles: int
+    max_springs: int
+    max_basis_bytes: int
+    basis_slots: int
     tick_rate_Hz: int
     tip_history_ticks: int
 
@@ -184,7 +188,7 @@ class BoardInfo:
             length = payload[at]
             texts.append(payload[at + 1:at + 1 + length].decode())
             at += 1 + length
-        return cls(schema_hash, *texts, *struct.unpack_from("<HHBBHI", payload, at))
+        return cls(schema_hash, *texts, *struct.unpack_from("<HHBBBIBHI", payload, at))
 
 
 def parse_status(payload: bytes) -> np.void:
@@ -197,8 +201,41 @@ def parse_trace(payload: bytes) -> tuple[int, int, np.ndarray]:
     return sequence, first_tick, np.frombuffer(payload, SERVO_SAMPLE, count, 9)
 
 
-def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, height_m: float = -0.002) -> bytes:
-    """palpate.LocalModel of a soft flat square of 16 nodes that moves as one body: 4 cm wide, below the reference pose.
+# Offsets in a basis and in a state (docs/protocol.md).
+BASIS_BYTES_AT, MODES_AT, SURFACE_AT, ORIGIN_AT, RADIUS_AT, STIFFNESS_AT, DAMPING_AT = 8, 12, 20, 24, 36, 40, 44
+BASIS_HEADER_BYTES = 56
+SCHEMA_AT, TICK_AT, BASIS_ID_AT, KIND_AT, TIP_SOURCE_AT, CONTACT_AT, STEPS_AT = 4, 12, 16, 22, 23, 24, 84
+
+
+@dataclass(frozen=True)
+class Model:
+    """A local model as it crosses the link: the bytes of its basis, and a palpate.ModelState."""
+
+    basis: bytes
+    state: bytes
+
+    def with_basis(self, basis: bytes) -> "Model":
+        """Another basis, and the state that belongs to it."""
+        state = bytearray(self.state)
+        struct.pack_into("<I", state, BASIS_ID_AT, LinkCodec.crc32c(basis))
+        return Model(basis, bytes(state))
+
+    def parts(self) -> list[bytes]:
+        """The basis as palpate.ModelPart messages of 1,024 bytes."""
+        number = struct.unpack_from("<I", self.state, BASIS_ID_AT)[0]
+        pieces = [self.basis[at:at + 1024] for at in range(0, len(self.basis), 1024)]
+        return [struct.pack("<IIHH", number, len(self.basis), 4 * i, len(piece)) + piece for i, piece in enumerate(pieces)]
+
+    def frames(self, transfer_id: int) -> bytes:
+        """Basis and state; the models of a test, as long as each other, count their transfers from 0."""
+        parts = self.parts()
+        return b"".join(
+            [LinkCodec.encode(LinkCodec.MODEL_PART, transfer_id * len(parts) + i, part) for i, part in enumerate(parts)]
+            + [LinkCodec.encode(LinkCodec.MODEL_STATE, transfer_id, self.state)])
+
+
+def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, height_m: float = -0.002) -> Model:
+    """A soft flat square of 16 nodes that moves as one body: 4 cm wide, below the reference pose, at rest.
 
     Its three modes, one an axis, have 10 g, 400 N/m and 2 N s/m; with `copies` each is split into that many equal ones,
     which changes nothing but the work (3 * copies modes).
@@ -209,6 +246,7 @@ def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, he
     position_m = np.column_stack([grid, np.zeros(nodes)])
     corners = [corner for row in range(3) for column in range(3) for n in [4 * row + column]
                for corner in (n, n + 1, n + 5, n, n + 5, n + 4)]
+    triangles = len(corners) // 3
     # One step of q'' = -(k q + d q')/m + u, exactly: matrix exponential with the input as a third, constant state.
     exponential = scipy.linalg.expm(1e-3 * np.array(
         [[0, 1, 0], [-stiffness_N_m / mass_kg, -damping_N_s_m / mass_kg, 1], [0, 0, 0]]))
@@ -219,20 +257,20 @@ def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, he
         basis[:, axis, :, axis] = 32767
     scale = 1 / np.sqrt(mass_kg * copies) / 32767
 
-    def array(prefix: str, kind: str, values) -> bytes:
-        values = np.asarray(values, kind).ravel()
-        return struct.pack(prefix, len(values)) + values.tobytes()
+    def array(kind: str, values) -> bytes:
+        data = np.asarray(values, kind).tobytes()
+        return data + bytes(-len(data) % 4)
 
-    rest = np.zeros(modes)
-    return b"".join([
-        struct.pack("<IQIHHBB3ffB2fB", sequence, schema_hash, tick, 1000, modes, nodes, len(corners) // 3,
-                    0, 0, height_m, 0, 0, 0, 0, 0),
-        bytes(1),  # modes, rolled forward
-        bytes(4 + 12 + 12 + 12 + 4 + 12 + 4),  # no contact
-        array("<B", "<f4", position_m), array("<B", "<u2", np.arange(len(corners) // 3)), array("<H", "u1", corners),
-        array("<B", "u1", np.zeros(len(corners) // 3)), array("<B", "<f4", [0.5]), array("<B", "<f4", [0.4]),
-        array("<H", "<f4", coefficient), array("<B", "<f4", rest), array("<B", "<f4", rest), array("<B", "<f4", rest),
-        array("<B", "<f4", np.full(modes, scale)), array("<H", "<i2", basis)])
+    arrays = b"".join([
+        array("<f4", position_m), array("<f4", coefficient), array("<f4", np.full(modes, scale)), array("<f4", [0.5]),
+        array("<f4", [0.4]), array("<i2", basis), array("<u2", np.arange(triangles)), array("u1", corners),
+        array("u1", np.zeros(triangles))])
+    header = struct.pack("<QIH7B3x3f4fI", schema_hash, BASIS_HEADER_BYTES + len(arrays), modes, nodes, nodes, triangles,
+                         1, 0, 0, 0, 0, 0, height_m, 0, 0, 0, 1, 0)
+    assert len(header) == BASIS_HEADER_BYTES
+    state = struct.pack("<IQIIHBB", sequence, schema_hash, tick, 0, 1000, 0, 0)
+    # No contact, no steps, and no array: at rest.
+    return Model(b"", state + bytes(60 + 16 + 4)).with_basis(header + arrays)
 
 
 @dataclass

@@ -184,7 +184,7 @@ def scripted_run(board: str, folder: pathlib.Path) -> np.ndarray:
         arm(running)
         info = BoardInfo.parse(running.answer(LinkCodec.request(LinkCodec.GET_INFO, 5), LinkCodec.GET_INFO).payload)
         model = square_model(9, running.next_tick - 1, info.schema_hash, copies=8)
-        pending = LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, model)
+        pending = model.frames(0)
         for i in range(500):
             if i % 50 == 10:
                 pending += LinkCodec.request(LinkCodec.GET_INFO, 100 + i)
@@ -211,14 +211,14 @@ def test_an_old_model_goes_on_when_a_corrupt_one_comes(board):
     arm(board)
     info = BoardInfo.parse(board.answer(LinkCodec.request(LinkCodec.GET_INFO, 5), LinkCodec.GET_INFO).payload)
     good = square_model(9, board.next_tick - 1, info.schema_hash)
-    board.tick(link=LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, good))
+    board.tick(link=good.frames(0))
     assert board.run(10)["model_sequence"] == 9
     better = square_model(10, board.next_tick - 1, info.schema_hash)
-    corrupt = bytearray(LinkCodec.encode(LinkCodec.LOCAL_MODEL, 1, better))
-    corrupt[300] ^= 0x80  # the byte is 1 there: turned into 0, it would end the frame
+    corrupt = bytearray(better.frames(1))
+    corrupt[-20] ^= 0x80  # of the state; the byte is 1 there: turned into 0, it would end the frame
     board.tick(link=bytes(corrupt))
     other = square_model(11, board.next_tick - 1, info.schema_hash ^ 1)
-    board.tick(link=LinkCodec.encode(LinkCodec.LOCAL_MODEL, 2, other))
+    board.tick(link=other.frames(2))
     frame = board.run(110)
     assert (frame["model_sequence"], frame["mode"], frame["faults"]) == (9, MODE_RENDER, 0)
     status = parse_status(board.take(LinkCodec.BOARD_STATUS)[-1].payload)

@@ -71,7 +71,7 @@ def test_a_processor_fault_is_reported_on_the_console(board, tmp_path):
 def test_the_largest_model_leaves_time_in_every_tick(board):
     info = BoardInfo.parse(board.answer(LinkCodec.request(LinkCodec.GET_INFO, 5), LinkCodec.GET_INFO).payload)
     model = square_model(1, board.next_tick - 1, info.schema_hash, copies=info.max_modes // 3)
-    pending = LinkCodec.encode(LinkCodec.LOCAL_MODEL, 0, model)
+    pending = model.frames(0)
     while pending:
         board.tick(link=pending[:1200])  # 12 Mbaud
         pending = pending[1200:]

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from loop_scene import FREE, MODE_FAULT, STATUS_UNKNOWN, Run, command_line, run, scene
 
-# In scene(): two commands of arming go down first, then the models: number n is frame n + 1.
+# In scene(): two commands of arming go down first, then the models, from 1 on: of each its basis in 12 pieces, and its
+# state.
+PIECES = 12
+
+
+def frame_of_state(model: int) -> int:
+    return 1 + model * (PIECES + 1)
+
+
 LOST_MODEL = 8
-LOST_FRAME = LOST_MODEL + 1
+LOST_FRAME = frame_of_state(LOST_MODEL)
 # The tip is held by the hand at 1.1 N; without a new model for 67 ms the force drifted by 0.15 N.
 LARGEST_DRIFT_N = 0.3
 # Between two samples 1 ms apart the path is nearly straight: 5 ticks off 0.1 m/s changing by 10 m/s^2 are 0.03 mm, as much
@@ -41,6 +49,8 @@ def test_a_good_run_has_nothing_to_complain(good):
     # All but the last model, which may come too late to be taken.
     assert np.all(good["updates/status"][:-1] == 0)
     assert summary["model_updates"] == np.count_nonzero(good["updates/swap_tick"])
+    # A piece has 1,024 bytes and at most 50 of header and framing: the numbers of the frames are what they are taken for.
+    assert np.all(np.ceil(good["updates/basis_bytes"] / 1074) == PIECES)
 
 
 @pytest.mark.parametrize("overlong", [[400], [300, 301, 500]])
@@ -79,6 +89,21 @@ def test_the_old_model_goes_on_when_one_is_lost(tmp_path, good, fault):
     assert lossy.summary["faults"] == 0
 
 
+@pytest.mark.parametrize("piece", [0, 5, PIECES - 1])
+def test_a_lost_piece_of_a_basis_is_sent_again(tmp_path, good, piece):
+    """The state waits on the board for it."""
+    lossy = run(tmp_path, scene(f"[link.faults]\ndrop_down = [{LOST_FRAME - PIECES + piece}]"))
+    assert lossy.summary["frames_lost"] == 1
+    assert lossy.summary["model_updates"] == good.summary["model_updates"]
+    at = row(lossy, LOST_MODEL)
+    assert lossy["updates/status"][at] == 0
+    late = int(lossy["updates/swap_tick"][at]) - int(good["updates/swap_tick"][at])
+    assert 1 <= late <= 25  # there and back, and to catch up with it
+    # It goes once more, and only it.
+    assert np.array_equal(np.flatnonzero(np.ceil(lossy["updates/basis_bytes"] / 1074) != PIECES), [at + 1])
+    assert lossy.summary["faults"] == 0
+
+
 def test_arming_is_tried_again_when_its_frames_are_lost(tmp_path, good):
     late = run(tmp_path, scene("[link.faults]\ndrop_down = [0]"))
     armed = [int(np.flatnonzero(r["ticks/enabled"])[0]) for r in (good, late)]
@@ -95,8 +120,8 @@ def test_a_lost_trace_is_sent_again(tmp_path, good):
 
 
 def test_a_trace_lost_twice_is_interpolated(tmp_path):
-    # Frame 72 is the answer to the request for what was in frame 60.
-    lossy = run(tmp_path, scene("[link.faults]\ndrop_up = [60, 72]"))
+    # Frame 67 is the answer to the request for what was in frame 60.
+    lossy = run(tmp_path, scene("[link.faults]\ndrop_up = [60, 67]"))
     flagged, error_m = lossy["updates/interpolated_ticks"], lossy["updates/interpolation_error_m"]
     assert lossy.summary["frames_lost"] == 2
     assert 1 <= lossy.summary["interpolated_ticks"] == flagged.sum() <= 8
@@ -112,7 +137,7 @@ def test_a_corrupt_trace_is_refused_and_sent_again(tmp_path):
 
 
 def test_a_long_silence_of_the_board_is_made_up_for(tmp_path):
-    lossy = run(tmp_path, scene(f"[link.faults]\ndrop_up = {list(range(20, 60))}"))
+    lossy = run(tmp_path, scene(f"[link.faults]\ndrop_up = {list(range(30, 70))}"))
     assert lossy.summary["frames_lost"] == 40
     # Models go on as soon as the host knows the path again.
     assert lossy["updates/status"][-2] == 0 and lossy["updates/tick"][-1] > 700
@@ -167,7 +192,7 @@ def test_a_slow_link_brings_fewer_models_but_no_harm(tmp_path, good, baud):
         assert slow.summary["link_bytes_per_s"][way] <= baud / 10
     assert slow.summary["model_updates"] < good.summary["model_updates"]
     # A model is not sent while the one before it is under way: what can be sent is what the link holds.
-    model_ticks = good["updates/bytes"].mean() * 10 / baud * 1000
+    model_ticks = (good["updates/bytes"] + good["updates/basis_bytes"]).mean() * 10 / baud * 1000
     assert slow.summary["models_sent"] <= 800 / model_ticks + 2
     if baud >= 921_600:
         # It takes 150 ms for a model: older than on a fast link, but all are taken.
@@ -187,7 +212,7 @@ def test_a_model_too_old_for_the_history_is_refused_and_told(tmp_path):
 
 def test_force_fades_when_the_model_is_older_than_it_may_be(tmp_path):
     # All models from the sixth on are lost: the fifth is of tick 163 and valid for 100 ticks.
-    silent = run(tmp_path, scene(f"[model]\nvalid_ticks = 100\n[link.faults]\ndrop_down = {list(range(7, 30))}"))
+    silent = run(tmp_path, scene(f"[model]\nvalid_ticks = 100\n[link.faults]\ndrop_down = {list(range(frame_of_state(5) + 1, 600))}"))
     age, force_N = silent["ticks/model_age_ticks"], silent.force_N
     touching = silent["ticks/contact_mode"] != FREE
     fresh, stale = (age <= 100) & touching, (age > 100 + FADE_TICKS) & touching

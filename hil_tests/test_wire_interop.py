@@ -171,10 +171,18 @@ def test_pycyphal_reads_our_frames(messages, run):
     assert (response.status, response.mode, response.token) == (0, 1, 77)
     info = sent(ServiceDataSpecifier(301, RESPONSE), messages.GetInfo_1_0.Response)
     assert (info.schema_hash, bytes(info.board), info.max_modes) == (schema_hash, b"sample", 192)
-    model = sent(MessageDataSpecifier(1610), messages.LocalModel_1_0)
-    assert (model.sequence, model.schema_hash, model.tick, model.modes) == (5, schema_hash, 990, 192)
-    assert np.array_equal(model.coefficient, 0.5 * np.arange(1152, dtype=np.float32))
-    assert np.array_equal(model.basis, np.arange(9216) - 4608)
+    basis = sent(MessageDataSpecifier(1603), messages.BasisReport_1_0)
+    assert (basis.basis_id, basis.status, basis.basis_bytes) == (0xCAFEBABE, 38, 13_000)
+    assert list(basis.missing) == [0, 0, 0, 0, 0, 0, 5] and list(basis.held) == [11, 12]
+    state = sent(MessageDataSpecifier(1610), messages.ModelState_1_0)
+    assert (state.sequence, state.schema_hash, state.tick, state.basis_id) == (5, schema_hash, 990, 0xCAFEBABE)
+    assert state.q_step_m == 0.5
+    assert np.array_equal(state.displacement, 100 * np.arange(96) - 4608)
+    for array in (state.load, state.q, state.p):
+        assert np.array_equal(array, 100 * np.arange(192) - 4608)
+    part = sent(MessageDataSpecifier(1612), messages.ModelPart_1_0)
+    assert (part.basis_id, part.basis_bytes, part.first_block) == (0xCAFEBABE, 13_000, 8)
+    assert np.array_equal(part.data, np.arange(1024, dtype=np.uint8))
     trace_request = sent(MessageDataSpecifier(1611), messages.TraceRequest_1_0)
     assert (trace_request.first_tick, trace_request.count) == (950, 40)
     command = sent(ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request)
@@ -200,8 +208,11 @@ def test_pycyphal_reads_our_frames(messages, run):
 def random_messages(messages, rng: np.random.Generator):
     """One message of each kind to the board and from it, with random contents and random array lengths."""
 
-    def floats(most):
-        return rng.normal(size=rng.integers(0, most + 1)).astype(np.float32)
+    def steps(most):
+        return rng.integers(-(2**15), 2**15, size=rng.integers(0, most + 1)).astype(np.int16)
+
+    def octets(most):
+        return rng.integers(0, 2**8, size=rng.integers(0, most + 1)).astype(np.uint8)
 
     def sample():
         return messages.ServoSample_1_0(tip_m=rng.normal(size=3), force_N=rng.normal(size=3), triangle=rng.integers(0, 2**16))
@@ -211,15 +222,13 @@ def random_messages(messages, rng: np.random.Generator):
     )
     yield MessageDataSpecifier(1601), messages.BoardStatus_1_0(tick=rng.integers(0, 2**32), faults=0x8001)
     yield MessageDataSpecifier(1602), messages.ModelReport_1_0(sequence=rng.integers(0, 2**32), status=35)
-    yield MessageDataSpecifier(1610), messages.LocalModel_1_0(
-        schema_hash=rng.integers(0, 2**63),
-        position_m=floats(96),
-        triangle_id=rng.integers(0, 2**16, size=rng.integers(0, 97)).astype(np.uint16),
-        corner=rng.integers(0, 2**8, size=rng.integers(0, 289)).astype(np.uint8),
-        coefficient=floats(1152),
-        state_q=floats(192),
-        basis=rng.integers(-(2**15), 2**15, size=rng.integers(0, 9217)).astype(np.int16),
+    yield MessageDataSpecifier(1603), messages.BasisReport_1_0(
+        basis_id=rng.integers(0, 2**32), missing=octets(16), held=rng.integers(0, 2**32, size=3, dtype=np.uint32)
     )
+    yield MessageDataSpecifier(1610), messages.ModelState_1_0(
+        schema_hash=rng.integers(0, 2**63), q_step_m=rng.normal(), displacement=steps(96), load=steps(192), q=steps(192), p=steps(192)
+    )
+    yield MessageDataSpecifier(1612), messages.ModelPart_1_0(basis_id=rng.integers(0, 2**32), data=octets(1024))
     yield MessageDataSpecifier(1611), messages.TraceRequest_1_0(first_tick=rng.integers(0, 2**32), count=12)
     yield ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request(action=2, token=rng.integers(0, 2**32))
     yield ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response(status=49, mode=1)
@@ -326,7 +335,7 @@ def test_pycyphals_transport_over_a_serial_line(messages):
         node = Presentation(SerialTransport(line.port, local_node_id=HOST, service_transfer_multiplier=2))
         traces = node.make_subscriber(messages.ServoTrace_1_0, 1600)
         statuses = node.make_subscriber(messages.BoardStatus_1_0, 1601)
-        models = node.make_publisher(messages.LocalModel_1_0, 1610)
+        models = node.make_publisher(messages.ModelState_1_0, 1610)
         models.send_timeout = RECEIVE_TIMEOUT_S
         loop = asyncio.get_running_loop()
         await loop.run_in_executor(None, line.write, wire_sample("write"))
@@ -335,7 +344,7 @@ def test_pycyphals_transport_over_a_serial_line(messages):
         status, _ = await statuses.receive(loop.time() + RECEIVE_TIMEOUT_S)
         assert status.tick == 1100
 
-        model = messages.LocalModel_1_0(tick=7, modes=192, basis=np.arange(9216, dtype=np.int16))
+        model = messages.ModelState_1_0(tick=7, p=np.arange(192, dtype=np.int16))
         assert await models.publish(model)
         client = node.make_client(messages.Command_1_0, 300, BOARD)
         client.response_timeout = 0.01  # nobody answers

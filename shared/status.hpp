@@ -24,6 +24,11 @@ enum class [[nodiscard]] Status : std::uint8_t{
     model_too_old = 35,       // its tick is no longer in the tip history: cannot be rolled forward
     model_superseded = 36,    // a newer one came before this one was in use
     model_from_future = 37,   // its tick has not happened yet
+    // bases of local models
+    basis_missing = 38,       // not all of it has come
+    basis_part_invalid = 39,  // a piece that does not fit in the basis that it says it is of
+    basis_crc_mismatch = 40,  // all of it has come, but its bytes are not those that its identifier names
+    basis_dropped = 41,       // its room was taken for a newer one before it was complete
     // commands
     command_refused = 48,      // not allowed in this mode
     command_token_wrong = 49,  // arming without the token of the board's last challenge

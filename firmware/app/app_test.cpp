@@ -176,8 +176,11 @@ TEST(AppThreads, InterruptAndBackgroundShareNothingUnguarded) {
         send(request, wire::MessageTraits<palpate_Command_Request_1_0>::kSpecifier);
       }
       if (tick % 100 == 50) {
-        send(test::square_model(tick, tick - 1, {0.0f, 0.0f, -0.001f}),
-             wire::MessageTraits<palpate_LocalModel_1_0>::kSpecifier);
+        const wire::PackedModel packed =
+            wire::pack(test::square_model(tick, tick - 1, {0.0f, 0.0f, -0.001f}));
+        for (const auto& part : wire::parts_of(*packed.basis, packed.state.basis_id))
+          send(part, wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier);
+        send(packed.state, wire::MessageTraits<palpate_ModelState_1_0>::kSpecifier);
       }
       if (tick % 60 == 30) {
         palpate_TraceRequest_1_0 request{};

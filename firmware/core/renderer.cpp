@@ -1,9 +1,10 @@
 #include "firmware/core/renderer.hpp"
 
+#include <algorithm>
 #include <cmath>
 
-#include "shared/wire/messages.hpp"
-#include "shared/wire/model_view.hpp"
+#include "shared/wire/model_basis.hpp"
+#include "shared/wire/model_state.hpp"
 
 namespace palpate::firmware {
 namespace {
@@ -11,32 +12,12 @@ namespace {
 constexpr std::uint8_t kFlagModelUsed = 4, kFlagModelSwap = 8;  // palpate.ServoSample FLAG_*
 static_assert((kTipHistory & (kTipHistory - 1)) == 0, "the history is indexed by tick modulo its length");
 
-bool counts_agree(const palpate_LocalModel_1_0& m) {
-  return m.position_m.count == 3u * m.nodes && m.triangle_id.count == m.triangles &&
-         m.corner.count == 3u * m.triangles && m.coefficient.count == kCoefficientsPerMode * m.modes &&
-         m.triangle_friction.count == m.triangles && m.kinetic_friction.count == m.static_friction.count &&
-         m.load.count == m.modes && m.state_q.count == m.modes && m.state_p.count == m.modes &&
-         m.basis_scale.count == m.modes && m.basis.count == 3u * m.nodes * m.modes;
-}
-
-// What a model may say of tip, coupling and contact: what a scene may (docs/scenes.md), and offsets within
-// the reach of the arm. Beyond, a model is a fault of its sender.
-constexpr float kLargestTipRadius_m = 0.05f;
-constexpr float kSoftestCoupling_N_m = 10.0f, kStiffestCoupling_N_m = 1e6f;
-constexpr float kLargestCouplingDamping_N_s_m = 1e3f;
+// What a state may say of contact: offsets within the reach of the arm. Beyond, it is a fault of its sender.
 constexpr float kLargestOffset_m = 1.0f;  // stretch, inset, overhang and height
 
 // False for NaN.
 bool is_within(float value, float low, float high) {
   return value >= low && value <= high;
-}
-
-bool law_is_valid(const palpate_LocalModel_1_0& m) {
-  const bool kinematic = m.coupling_stiffness_N_m == 0.0f;
-  return is_within(m.tip_radius_m, 0.0f, kLargestTipRadius_m) &&
-         (kinematic || is_within(m.coupling_stiffness_N_m, kSoftestCoupling_N_m, kStiffestCoupling_N_m)) &&
-         is_within(m.coupling_damping_N_s_m, 0.0f, kLargestCouplingDamping_N_s_m) &&
-         m.tip_source <= static_cast<std::uint8_t>(TipSource::estimated);
 }
 
 // Of a contact, with finite numbers.
@@ -113,59 +94,73 @@ bool Renderer::sample(std::uint32_t tick, ServoSample& out) const {
   return held();
 }
 
-Status Renderer::load(Slot& slot, std::span<const std::uint8_t> payload) {
+Status Renderer::decode(std::span<const std::uint8_t> payload) {
   std::size_t size = payload.size();
-  const std::int8_t result = palpate_LocalModel_1_0_deserialize_(&slot.message, payload.data(), &size);
-  const palpate_LocalModel_1_0& m = slot.message;
+  const std::int8_t result = palpate_ModelState_1_0_deserialize_(&message_, payload.data(), &size);
   if (result == -NUNAVUT_ERROR_REPRESENTATION_BAD_ARRAY_LENGTH) return Status::model_too_large;
   if (result < 0) return Status::payload_malformed;
-  if (m.schema_hash != schema_hash_) return Status::schema_mismatch;
+  if (message_.schema_hash != schema_hash_) return Status::schema_mismatch;
   // The decoder takes what is cut off for zeros.
-  if (payload.size() < wire::payload_bytes(m)) return Status::payload_malformed;
-  if (m.modes > kMaxModes || m.nodes > kMaxSurfaceNodes || m.triangles > kMaxTriangles)
-    return Status::model_too_large;
-  if (!counts_agree(m) || !law_is_valid(m) || m.valid_ticks == 0 ||
-      m.surface > static_cast<std::uint8_t>(SurfaceKind::flat) ||
-      m.kind > static_cast<std::uint8_t>(ModelKind::modes_from_now))
+  if (payload.size() < wire::payload_bytes(message_)) return Status::payload_malformed;
+  if (message_.kind > static_cast<std::uint8_t>(ModelKind::modes_from_now) ||
+      message_.tip_source > static_cast<std::uint8_t>(TipSource::estimated) || message_.valid_ticks == 0)
     return Status::model_inconsistent;
-  slot.kind = static_cast<ModelKind>(m.kind);
-  const bool held = slot.kind == ModelKind::held_force;
-  if (held && (m.modes != 0 || m.nodes != 0 || m.triangles != 0)) return Status::model_inconsistent;
+  const bool held = static_cast<ModelKind>(message_.kind) == ModelKind::held_force;
+  return held == (message_.basis_id == 0) ? Status::ok : Status::model_inconsistent;
+}
 
-  slot.view = wire::view_of(m);
-  // A held force has no triangles but the one that the host says is touched.
-  if (held) slot.view.triangle_id = &m.contact.triangle;
-  wire::read_state(m, slot.state);
-  slot.law = {m.tip_radius_m, {m.coupling_stiffness_N_m, m.coupling_damping_N_s_m}};
+Status Renderer::load(Slot& slot) {
+  const palpate_ModelState_1_0& m = message_;
+  slot.kind = static_cast<ModelKind>(m.kind);
   slot.tip = static_cast<TipSource>(m.tip_source);
-  slot.contact = {};
-  slot.contact.force_N = {m.contact.force_N[0], m.contact.force_N[1], m.contact.force_N[2]};
-  if (!is_finite(slot.contact.force_N)) return Status::model_not_finite;
-  slot.contact.barycentric = {m.contact.barycentric[0], m.contact.barycentric[1], m.contact.barycentric[2]};
-  if (m.contact.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
-  slot.contact.mode = static_cast<ContactMode>(m.contact.mode);
-  if (slot.contact.mode != ContactMode::free) {
-    if (!is_finite(slot.contact.barycentric)) return Status::model_not_finite;
-    if (!is_on_triangle(slot.contact.barycentric)) return Status::model_inconsistent;
-    std::uint32_t triangle = 0;
-    while (triangle < m.triangles && m.triangle_id.elements[triangle] != m.contact.triangle) ++triangle;
-    if (triangle == m.triangles && !held) return Status::model_inconsistent;
-    slot.contact.triangle = triangle;
-    // Only of a contact: a tip that is free has none of these, whatever the message says.
-    slot.contact.stretch_m = {m.contact.coupling_stretch_m[0], m.contact.coupling_stretch_m[1],
-                              m.contact.coupling_stretch_m[2]};
-    slot.contact.inset_m = m.contact.inset_m;
-    slot.contact.overhang_m = {m.contact.overhang_m[0], m.contact.overhang_m[1], m.contact.overhang_m[2]};
-    slot.contact.height_m = m.contact.height_m;
-    if (!is_finite(slot.contact.stretch_m) || !std::isfinite(slot.contact.inset_m) ||
-        !is_finite(slot.contact.overhang_m) || !std::isfinite(slot.contact.height_m))
-      return Status::model_not_finite;
-    if (!offsets_are_valid(slot.contact)) return Status::model_inconsistent;
-  }
   slot.tick = slot.model_tick = m.tick;
   slot.sequence = m.sequence;
   slot.valid_ticks = m.valid_ticks;
-  return Status::ok;
+  slot.view = {};
+  slot.law = {};
+  if (slot.kind != ModelKind::held_force) {
+    const Status status = wire::open_basis(bases_.bytes(slot.basis), schema_hash_, slot.view, slot.law);
+    if (status != Status::ok) return status;
+  }
+  if (!wire::counts_agree(m, slot.view)) return Status::model_inconsistent;
+  wire::read_state(m, slot.view, slot.position_m.data(), slot.load.data(), slot.state);
+  slot.view.position_m = slot.position_m.data();
+  slot.view.load = slot.load.data();
+  if (slot.kind == ModelKind::held_force) {
+    // It has no triangles but the one that the host says is touched.
+    slot.held_triangle = m.contact.triangle;
+    slot.view.triangle_id = &slot.held_triangle;
+  }
+  return load_contact(slot);
+}
+
+Status Renderer::load_contact(Slot& slot) const {
+  const palpate_Contact_1_0& from = message_.contact;
+  ContactState<float>& contact = slot.contact;
+  contact = {};
+  contact.force_N = {from.force_N[0], from.force_N[1], from.force_N[2]};
+  if (!is_finite(contact.force_N)) return Status::model_not_finite;
+  contact.barycentric = {from.barycentric[0], from.barycentric[1], from.barycentric[2]};
+  if (from.mode > static_cast<std::uint8_t>(ContactMode::slip)) return Status::model_inconsistent;
+  contact.mode = static_cast<ContactMode>(from.mode);
+  // A tip that is free has no place and no offsets, whatever the message says.
+  if (contact.mode == ContactMode::free) return Status::ok;
+  if (!is_finite(contact.barycentric)) return Status::model_not_finite;
+  if (!is_on_triangle(contact.barycentric)) return Status::model_inconsistent;
+  if (slot.kind != ModelKind::held_force) {
+    const std::uint16_t* const end = slot.view.triangle_id + slot.view.triangles;
+    const std::uint16_t* const found = std::find(slot.view.triangle_id, end, from.triangle);
+    if (found == end) return Status::model_inconsistent;
+    contact.triangle = static_cast<std::uint32_t>(found - slot.view.triangle_id);
+  }
+  contact.stretch_m = {from.coupling_stretch_m[0], from.coupling_stretch_m[1], from.coupling_stretch_m[2]};
+  contact.inset_m = from.inset_m;
+  contact.overhang_m = {from.overhang_m[0], from.overhang_m[1], from.overhang_m[2]};
+  contact.height_m = from.height_m;
+  if (!is_finite(contact.stretch_m) || !std::isfinite(contact.inset_m) || !is_finite(contact.overhang_m) ||
+      !std::isfinite(contact.height_m))
+    return Status::model_not_finite;
+  return offsets_are_valid(contact) ? Status::ok : Status::model_inconsistent;
 }
 
 Status Renderer::start(Slot& slot) {
@@ -215,9 +210,8 @@ bool Renderer::reclaim_offer() {
 void Renderer::finish_shadow(Status status) {
   const Slot& slot = slots_[shadow_slot_];
   const bool taken = status == Status::ok;
-  finished_ = {slot.sequence, status, slot.model_tick,
-               taken ? offered_tick_.load(std::memory_order_relaxed) + 1 : 0};
-  has_finished_ = true;
+  add_report({slot.sequence, status, slot.model_tick,
+              taken ? offered_tick_.load(std::memory_order_relaxed) + 1 : 0});
   shadow_ = Shadow::empty;
   if (taken) {
     shadow_slot_ = 1u - shadow_slot_;
@@ -226,17 +220,97 @@ void Renderer::finish_shadow(Status status) {
   }
 }
 
+void Renderer::add_report(const ModelReport& report) {
+  if (report_count_ < reports_.size()) reports_[report_count_++] = report;
+}
+
+void Renderer::add_event(const BasisStore::Event& event) {
+  if (basis_event_count_ < basis_events_.size()) basis_events_[basis_event_count_++] = event;
+}
+
+bool Renderer::next_report(ModelReport& report) {
+  if (report_count_ == 0) return false;
+  report = reports_.front();
+  std::copy(reports_.begin() + 1, reports_.end(), reports_.begin());
+  --report_count_;
+  return true;
+}
+
+bool Renderer::next_basis_event(BasisStore::Event& event) {
+  if (basis_event_count_ == 0) return false;
+  event = basis_events_.front();
+  std::copy(basis_events_.begin() + 1, basis_events_.end(), basis_events_.begin());
+  --basis_event_count_;
+  return true;
+}
+
+// The slot that is not the shadow's is the interrupt's; while a shadow is on offer it may be either.
+std::uint32_t Renderer::bases_in_use() const {
+  const auto bit = [](const Slot& slot) { return slot.basis == BasisStore::kNone ? 0u : 1u << slot.basis; };
+  return bit(slots_[1u - shadow_slot_]) | (shadow_ != Shadow::empty ? bit(slots_[shadow_slot_]) : 0u);
+}
+
+Status Renderer::accept_part(std::span<const std::uint8_t> payload) {
+  drop_after_reset();
+  const Status status = wire::deserialize(payload, part_);
+  if (status == Status::ok) take(bases_.add(part_, bases_in_use()));
+  return status;
+}
+
+void Renderer::take(const BasisStore::Events& events) {
+  for (std::size_t i = 0; i < events.count; ++i) {
+    const BasisStore::Event& event = events.event[i];
+    add_event(event);
+    if (event.status != Status::ok || waiting_bytes_ == 0 || event.id != waiting_basis_) continue;
+    const std::size_t bytes = waiting_bytes_;
+    waiting_bytes_ = 0;
+    ModelReport report;
+    if (accept(std::span(waiting_).first(bytes), report) != Status::ok) add_report(report);
+  }
+}
+
+void Renderer::supersede_waiting() {
+  if (waiting_bytes_ == 0) return;
+  waiting_bytes_ = 0;
+  add_report(waiting_report_);
+}
+
+void Renderer::wait_for_basis(std::span<const std::uint8_t> payload) {
+  supersede_waiting();
+  // More bytes than the message has may follow it; it is decoded without them.
+  waiting_bytes_ = std::min(payload.size(), waiting_.size());
+  std::copy_n(payload.begin(), waiting_bytes_, waiting_.begin());
+  waiting_report_ = {message_.sequence, Status::model_superseded, message_.tick, 0};
+  waiting_basis_ = message_.basis_id;
+  add_event({message_.basis_id, Status::basis_missing});
+}
+
 Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& report) {
   drop_after_reset();
+  const Status decoded = decode(payload);
+  if (decoded != Status::ok) {
+    report = {message_.sequence, decoded, message_.tick, 0};
+    return decoded;
+  }
+  std::uint32_t basis = BasisStore::kNone;
+  if (message_.basis_id != 0) {
+    basis = bases_.find_complete(message_.basis_id);
+    if (basis == BasisStore::kNone) {
+      wait_for_basis(payload);
+      return Status::ok;
+    }
+  }
+  supersede_waiting();
   if (shadow_ == Shadow::offered && !reclaim_offer()) {
     finish_shadow(Status::ok);
   } else if (shadow_ != Shadow::empty) {
     finish_shadow(Status::model_superseded);
   }
   Slot& slot = slots_[shadow_slot_];
-  const Status status = load(slot, payload);
+  slot.basis = basis;
+  const Status status = load(slot);
   if (status != Status::ok) {
-    report = {slot.message.sequence, status, slot.message.tick, 0};
+    report = {slot.sequence, status, slot.model_tick, 0};
     return status;
   }
   shadow_ = Shadow::decoded;
@@ -247,6 +321,7 @@ void Renderer::drop_after_reset() {
   const std::uint32_t resets = resets_.load(std::memory_order_acquire);
   if (resets == resets_seen_) return;
   resets_seen_ = resets;
+  supersede_waiting();
   if (shadow_ == Shadow::empty) return;
   // An offer that is gone was taken before the reset.
   const bool taken = shadow_ == Shadow::offered && !reclaim_offer();
@@ -255,6 +330,7 @@ void Renderer::drop_after_reset() {
 
 bool Renderer::catch_up(ModelReport& report) {
   drop_after_reset();
+  take(bases_.check());
   if (shadow_ == Shadow::offered) {
     if (reclaim_offer()) {
       shadow_ = Shadow::catching_up;  // the interrupt has gone on without it
@@ -286,10 +362,7 @@ bool Renderer::catch_up(ModelReport& report) {
       }
     }
   }
-  if (!has_finished_) return false;
-  has_finished_ = false;
-  report = finished_;
-  return true;
+  return next_report(report);
 }
 
 std::uint32_t Renderer::model_sequence() const {

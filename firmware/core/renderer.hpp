@@ -1,8 +1,9 @@
 // Renders the force of the active local model each servo tick, and brings a newer model up to date in the
 // background.
 //
-// Two slots hold models. The interrupt steps the active one. A model that arrives is decoded into the other
-// slot with its state at an earlier tick k0; the background replays the recorded tip path from k0 on through
+// Two slots hold models. The interrupt steps the active one. A state that arrives is decoded into the other
+// slot, at an earlier tick k0, beside a basis that has come before (basis_store.hpp) and may be that of the
+// active model, too; the background replays the recorded tip path from k0 on through
 // its contact and modes until it has caught up with the servo tick, then offers it, and the next servo tick
 // takes it over: neither the link's delay nor the host's makes it stale (docs/architecture.md, "One
 // pipeline"). Models of the other kinds (ModelKind) are not advanced: they begin when they are taken over.
@@ -14,11 +15,13 @@
 #include <cstdint>
 #include <span>
 
-#include "palpate/LocalModel_1_0.h"
+#include "firmware/core/basis_store.hpp"
+#include "palpate/ModelState_1_0.h"
 #include "shared/contact/contact_state.hpp"
 #include "shared/model/local_model.hpp"
 #include "shared/model/modal_surface.hpp"
 #include "shared/status.hpp"
+#include "shared/wire/messages.hpp"
 
 namespace palpate::firmware {
 
@@ -56,14 +59,23 @@ class Renderer {
   // Records the sample in the history. Without a usable model the force is zero.
   ServoSample isr_tick(std::uint32_t tick, const Vec3f& tip_m);
 
-  // Background context. Decodes a serialized palpate.LocalModel.1.0 into the shadow slot and starts to catch
-  // up; a shadow that was still catching up there is superseded. Anything but Status::ok leaves the active
-  // model as it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
+  // Background context. Takes a serialized palpate.ModelPart.1.0; a state that waits for the basis that it
+  // completes is accepted. Anything but Status::ok: it can't be read.
+  Status accept_part(std::span<const std::uint8_t> payload);
+  // Background context. What has become of bases since the last call, one at a time; false: no more.
+  bool next_basis_event(BasisStore::Event& event);
+  [[nodiscard]] const BasisStore& bases() const { return bases_; }
+
+  // Background context. Decodes a serialized palpate.ModelState.1.0 into the shadow slot and starts to catch
+  // up; a shadow that was still catching up there is superseded. Where its basis is not complete the state
+  // waits for it, and one that was waiting is superseded. Anything but Status::ok leaves the active model as
+  // it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 
   // Background context, once per servo tick: replays the shadow for about kCatchUpWork. Returns true when
-  // `report` was filled: a shadow was taken over, superseded, or dropped as too old.
+  // `report` was filled: a state was taken over, superseded, or dropped. There may be more: next_report.
   bool catch_up(ModelReport& report);
+  bool next_report(ModelReport& report);
 
   // Any context: the sample of a tick, if the history still holds it.
   bool sample(std::uint32_t tick, ServoSample& out) const;
@@ -78,7 +90,7 @@ class Renderer {
   // Unit outward normal in which the force of the newest tick was found; zero when free.
   [[nodiscard]] Vec3f contact_normal() const;
   [[nodiscard]] std::uint32_t catch_up_ticks() const;  // that the shadow lags behind; 0: none is catching up
-  // Does the active model want the tip between encoder counts (palpate.LocalModel TIP_ESTIMATED)?
+  // Does the active model want the tip between encoder counts (palpate.ModelState TIP_ESTIMATED)?
   [[nodiscard]] bool estimates_tip() const;
   [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
   // Forgets the models (outputs must be off): the next one starts afresh.
@@ -86,8 +98,11 @@ class Renderer {
 
  private:
   struct Slot {
-    palpate_LocalModel_1_0 message{};
-    LocalModelView view{};
+    LocalModelView view{};  // of a basis, position_m and load below
+    std::array<float, 3 * kMaxSurfaceNodes> position_m{};
+    std::array<float, kMaxModes> load{};
+    std::uint32_t basis = BasisStore::kNone;  // its slot
+    std::uint16_t held_triangle = 0;          // of a held force
     ModalState state{};
     ModalSurface surface{};
     ContactState<float> contact{};
@@ -104,7 +119,17 @@ class Renderer {
   enum class Shadow : std::uint8_t { empty, decoded, loaded, catching_up, offered };
 
   static void step(Slot& slot, const Vec3f& tip_m);
-  Status load(Slot& slot, std::span<const std::uint8_t> payload);
+  // Into message_.
+  Status decode(std::span<const std::uint8_t> payload);
+  // message_ into a slot, whose basis is known.
+  Status load(Slot& slot);
+  Status load_contact(Slot& slot) const;
+  [[nodiscard]] std::uint32_t bases_in_use() const;
+  void take(const BasisStore::Events& events);
+  void wait_for_basis(std::span<const std::uint8_t> payload);
+  void supersede_waiting();
+  void add_report(const ModelReport& report);
+  void add_event(const BasisStore::Event& event);
   Status start(Slot& slot);
   void advance_shadow(Slot& slot, std::uint32_t newest);
   bool reclaim_offer();
@@ -126,8 +151,19 @@ class Renderer {
   // Background's own.
   Shadow shadow_ = Shadow::empty;
   std::uint32_t shadow_slot_ = 1;  // the slot that is not the interrupt's: changes when an offer was taken
-  ModelReport finished_{};
-  bool has_finished_ = false;
+  BasisStore bases_;
+  palpate_ModelState_1_0 message_{};  // scratch; too large for the stack
+  palpate_ModelPart_1_0 part_{};      // likewise
+  // The newest state whose basis is not complete.
+  std::array<std::uint8_t, wire::MessageTraits<palpate_ModelState_1_0>::kMaxBytes> waiting_{};
+  std::size_t waiting_bytes_ = 0;  // 0: none
+  ModelReport waiting_report_{};   // of it, should it never be taken
+  std::uint32_t waiting_basis_ = 0;
+  // What the host is to be told. Whoever takes them after each message and each tick loses none.
+  std::array<ModelReport, 8> reports_{};
+  std::size_t report_count_ = 0;
+  std::array<BasisStore::Event, 8> basis_events_{};
+  std::size_t basis_event_count_ = 0;
   std::uint32_t resets_seen_ = 0;
   std::array<ServoSample, kTipHistory> history_{};
   std::atomic<std::uint32_t> last_tick_{0};  // newest tick in history_

@@ -126,13 +126,13 @@ TEST(Renderer, ASwapKeepsTheStretchOfTheCoupling) {
   EXPECT_EQ(runner.renderer->model_sequence(), 2u);
 }
 
-palpate_LocalModel_1_0 held_force(std::uint32_t sequence, std::uint32_t tick, float force_N) {
-  palpate_LocalModel_1_0 message{};
+wire::ModelContents held_force(std::uint32_t sequence, std::uint32_t tick, float force_N) {
+  wire::ModelContents message{};
   message.sequence = sequence;
   message.schema_hash = wire::kSchemaHash;
   message.tick = tick;
   message.valid_ticks = 1000;
-  message.kind = palpate_LocalModel_1_0_KIND_HELD_FORCE;
+  message.kind = palpate_ModelState_1_0_KIND_HELD_FORCE;
   message.contact.mode = palpate_Contact_1_0_MODE_STICK;
   message.contact.triangle = 4321;
   message.contact.barycentric[1] = 1.0f;
@@ -182,7 +182,7 @@ TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
   Runner runner;
   runner.ticks(395);
   auto message = square_model(9, 300, kCentre_m);
-  message.kind = palpate_LocalModel_1_0_KIND_MODES_FROM_NOW;
+  message.kind = palpate_ModelState_1_0_KIND_MODES_FROM_NOW;
   message.state_p.elements[0] = 1e-3f;
   ASSERT_EQ(runner.accept(message), Status::ok);
   ServoSample sample;
@@ -212,6 +212,178 @@ TEST(Renderer, ANewerModelSupersedesOneThatIsNotInUseYet) {
   EXPECT_EQ(runner.reports[1].sequence, 2u);
   EXPECT_EQ(runner.reports[1].status, Status::ok);
   EXPECT_EQ(runner.renderer->model_sequence(), 2u);
+}
+
+std::vector<palpate_ModelPart_1_0> parts_of(const wire::PackedModel& packed) {
+  return wire::parts_of(*packed.basis, packed.state.basis_id);
+}
+
+// A model with another basis, at the same place, that is at rest likewise.
+wire::ModelContents other_model(std::uint32_t sequence, std::uint32_t tick, float tip_radius_m) {
+  wire::ModelContents message = square_model(sequence, tick, kCentre_m);
+  message.tip_radius_m = tip_radius_m;
+  return message;
+}
+
+// In contact, 30 ticks late: from the swap on to the bit what a model of that state would have done.
+TEST(Renderer, AStateAloneCorrectsTheModel) {
+  Runner runner;
+  runner.ticks(200);
+  const auto first = square_model(1, runner.now - 1, kCentre_m);
+  ASSERT_EQ(runner.accept(first), Status::ok);
+  Reference before(first, tip_at(runner.now - 1));
+  for (int i = 0; i < 360; ++i) {
+    (void)before.step(tip_at(runner.now));
+    (void)runner.tick();
+  }
+  ASSERT_NE(before.contact().mode, ContactMode::free);
+  auto corrected = before.as_it_is(2, runner.now - 1);
+  corrected.state_p.elements[3] += 1e-3f;
+  const wire::PackedModel packed = wire::pack(corrected);
+  ASSERT_EQ(packed.state.basis_id, wire::pack(first).state.basis_id);
+  Reference after(corrected, tip_at(runner.now - 1));
+  for (int i = 0; i < 30; ++i) {
+    (void)after.step(tip_at(runner.now));
+    (void)runner.tick();
+  }
+  ASSERT_EQ(runner.accept(HostPeer::payload(packed.state)), Status::ok);
+  bool swapped = false;
+  std::uint32_t contact_ticks = 0;
+  for (int i = 0; i < 100; ++i) {
+    const Vec3f expected_N = after.step(tip_at(runner.now)).force_N;
+    const ServoSample sample = runner.tick();
+    swapped = swapped || (sample.flags & kModelSwap) != 0;
+    if (!swapped) continue;
+    EXPECT_EQ(sample.force_N, expected_N);
+    contact_ticks += sample.mode != ContactMode::free;
+  }
+  EXPECT_TRUE(swapped);
+  EXPECT_GT(contact_ticks, 20u);
+  EXPECT_EQ(runner.renderer->model_sequence(), 2u);
+  ASSERT_EQ(runner.basis_events.size(), 1u);  // the first model's
+}
+
+TEST(Renderer, AStateWaitsForItsBasis) {
+  Runner runner;
+  runner.ticks(150);
+  const wire::PackedModel packed = wire::pack(square_model(1, runner.now - 1, kCentre_m));
+  const auto parts = parts_of(packed);
+  ASSERT_GE(parts.size(), 1u);
+  ASSERT_EQ(runner.accept(HostPeer::payload(packed.state)), Status::ok);
+  runner.ticks(20);
+  EXPECT_TRUE(runner.reports.empty());
+  EXPECT_EQ(runner.renderer->model_sequence(), 0u);
+  ASSERT_EQ(runner.basis_events.size(), 1u);
+  EXPECT_EQ(runner.basis_events[0].id, packed.state.basis_id);
+  EXPECT_EQ(runner.basis_events[0].status, Status::basis_missing);
+  for (const auto& part : parts) EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 1u);
+  ASSERT_EQ(runner.reports.size(), 1u);
+  EXPECT_EQ(runner.reports[0].status, Status::ok);
+}
+
+TEST(Renderer, OnlyTheNewestStateWaits) {
+  Runner runner;
+  runner.ticks(150);
+  ASSERT_EQ(runner.accept(square_model(1, runner.now - 1, kCentre_m)), Status::ok);
+  runner.ticks(20);
+  ASSERT_EQ(runner.reports.size(), 1u);
+  const wire::PackedModel second = wire::pack(other_model(2, runner.now - 1, 0.001f));
+  const wire::PackedModel third = wire::pack(other_model(3, runner.now - 1, 0.002f));
+  for (const auto* packed : {&second, &third})
+    ASSERT_EQ(runner.accept(HostPeer::payload(packed->state)), Status::ok);
+  runner.ticks(2);
+  ASSERT_EQ(runner.reports.size(), 2u);
+  EXPECT_EQ(runner.reports[1].sequence, 2u);
+  EXPECT_EQ(runner.reports[1].status, Status::model_superseded);
+  EXPECT_EQ(runner.renderer->model_sequence(), 1u);
+  for (const auto* packed : {&second, &third})
+    for (const auto& part : parts_of(*packed))
+      EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 3u);
+  // A newer one that need not wait supersedes one that waits.
+  ASSERT_EQ(runner.accept(HostPeer::payload(wire::pack(other_model(4, runner.now - 1, 0.003f)).state)),
+            Status::ok);
+  wire::PackedModel fifth = third;
+  fifth.state.sequence = 5;
+  fifth.state.tick = runner.now - 1;
+  ASSERT_EQ(runner.accept(HostPeer::payload(fifth.state)), Status::ok);
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 5u);
+  ASSERT_EQ(runner.reports.size(), 5u);
+  EXPECT_EQ(runner.reports[3].sequence, 4u);
+  EXPECT_EQ(runner.reports[3].status, Status::model_superseded);
+  EXPECT_EQ(runner.reports[4].sequence, 5u);
+  EXPECT_EQ(runner.reports[4].status, Status::ok);
+}
+
+TEST(Renderer, AStateThatWaitedTooLongIsDropped) {
+  Runner runner;
+  runner.ticks(300);
+  const wire::PackedModel packed = wire::pack(square_model(1, runner.now - 1, kCentre_m));
+  ASSERT_EQ(runner.accept(HostPeer::payload(packed.state)), Status::ok);
+  runner.ticks(static_cast<int>(kTipHistory));
+  for (const auto& part : parts_of(packed))
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(5);
+  ASSERT_EQ(runner.reports.size(), 1u);
+  EXPECT_EQ(runner.reports[0].status, Status::model_too_old);
+}
+
+// Every piece is damaged once: the bytes do not have the identifier that they say, and the state waits on.
+TEST(Renderer, ABasisOfOtherBytesIsNotUsed) {
+  Runner runner;
+  runner.ticks(150);
+  const wire::PackedModel packed = wire::pack(square_model(1, runner.now - 1, kCentre_m));
+  ASSERT_EQ(runner.accept(HostPeer::payload(packed.state)), Status::ok);
+  for (auto part : parts_of(packed)) {
+    part.data.elements[100] ^= 0x10u;
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  }
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 0u);
+  ASSERT_EQ(runner.basis_events.size(), 2u);
+  EXPECT_EQ(runner.basis_events[1].status, Status::basis_crc_mismatch);
+  for (const auto& part : parts_of(packed))
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 1u);
+}
+
+// Bases come and go while models are rendered: the active one and the shadow keep theirs.
+TEST(Renderer, BasesInUseAreNotOverwritten) {
+  Runner busy, quiet;
+  for (int i = 0; i < 900; ++i) {
+    for (Runner* runner : {&busy, &quiet}) {
+      if (i == 230 || i == 300 || i == 520) {
+        ASSERT_EQ(runner->accept(other_model(static_cast<std::uint32_t>(i), runner->now - 15,
+                                             1e-6f * static_cast<float>(i))),
+                  Status::ok);
+      }
+    }
+    const wire::PackedModel noise = wire::pack(other_model(0, 0, 0.01f + 1e-5f * static_cast<float>(i)));
+    for (const auto& part : parts_of(noise))
+      EXPECT_EQ(busy.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+    const std::uint32_t tick = busy.now;
+    expect_equal(busy.tick(), quiet.tick(), tick);
+  }
+  EXPECT_EQ(busy.renderer->model_sequence(), 520u);
+}
+
+TEST(Renderer, ResetForgetsAStateThatWaits) {
+  Runner runner;
+  runner.ticks(150);
+  const wire::PackedModel packed = wire::pack(square_model(1, runner.now - 1, kCentre_m));
+  ASSERT_EQ(runner.accept(HostPeer::payload(packed.state)), Status::ok);
+  runner.renderer->isr_reset();
+  for (const auto& part : parts_of(packed))
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(20);
+  EXPECT_EQ(runner.renderer->model_sequence(), 0u);
+  ASSERT_EQ(runner.reports.size(), 1u);
+  EXPECT_EQ(runner.reports[0].status, Status::model_superseded);
 }
 
 TEST(Renderer, ResetForgetsTheModel) {
@@ -308,8 +480,7 @@ TEST(RendererThreads, ModelsAreTakenOverWhole) {
   });
   const auto send = [&](std::uint32_t sequence, std::uint32_t tick) {
     ModelReport report;
-    EXPECT_EQ(renderer->accept(HostPeer::payload(square_model(sequence, tick, kCentre_m)), report),
-              Status::ok);
+    EXPECT_EQ(test::deliver(*renderer, square_model(sequence, tick, kCentre_m), report), Status::ok);
   };
   std::uint32_t sequence = 0, taken = 0, outstanding = 0;
   while (ticks.load(std::memory_order_acquire) < kTicks) {

@@ -38,12 +38,12 @@ inline void expect_equal(const ServoSample& a, const ServoSample& b, std::uint32
   EXPECT_EQ(a.barycentric, b.barycentric) << tick;
 }
 
-// The model of a message, stepped directly.
+// A model, quantized as the board has it, stepped directly.
 class Reference {
  public:
-  Reference(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
-      : message_(std::make_unique<palpate_LocalModel_1_0>(message)) {
-    const palpate_LocalModel_1_0& m = *message_;
+  Reference(const wire::ModelContents& message, const Vec3f& tip_m)
+      : message_(std::make_unique<wire::ModelContents>(wire::unpack(wire::pack(message), message))) {
+    const wire::ModelContents& m = *message_;
     view_ = wire::view_of(m);
     wire::read_state(m, state_);
     surface_.bind(view_, state_);
@@ -81,8 +81,8 @@ class Reference {
     return std::sqrt(sum) * (1.0f + ModalSurface::kTargetExtrapolation);
   }
   // The model with the state and the contact that it has now.
-  palpate_LocalModel_1_0 as_it_is(std::uint32_t sequence, std::uint32_t tick) const {
-    palpate_LocalModel_1_0 m = *message_;
+  wire::ModelContents as_it_is(std::uint32_t sequence, std::uint32_t tick) const {
+    wire::ModelContents m = *message_;
     m.sequence = sequence;
     m.tick = tick;
     for (std::size_t i = 0; i < m.modes; ++i) {
@@ -101,13 +101,23 @@ class Reference {
   }
 
  private:
-  std::unique_ptr<palpate_LocalModel_1_0> message_;
+  std::unique_ptr<wire::ModelContents> message_;
   LocalModelView view_{};
   ModalState state_{};
   ModalSurface surface_{};
   ContactState<float> contact_{};
   Vec3f previous_m_{};
 };
+
+// Gives basis and state to the renderer.
+inline Status deliver(Renderer& renderer, const wire::ModelContents& contents, ModelReport& report) {
+  const wire::PackedModel packed = wire::pack(contents);
+  if (packed.basis) {
+    for (const auto& part : wire::parts_of(*packed.basis, packed.state.basis_id))
+      EXPECT_EQ(renderer.accept_part(HostPeer::payload(part)), Status::ok);
+  }
+  return renderer.accept(HostPeer::payload(packed.state), report);
+}
 
 // A renderer with its two contexts in turn.
 struct Runner {
@@ -117,12 +127,18 @@ struct Runner {
     ++now;
     ModelReport report;
     if (renderer->catch_up(report)) reports.push_back(report);
+    for (BasisStore::Event event; renderer->next_basis_event(event);) basis_events.push_back(event);
     return sample;
   }
   void ticks(int count) {
     for (int i = 0; i < count; ++i) (void)tick();
   }
-  Status accept(const palpate_LocalModel_1_0& message) { return accept(HostPeer::payload(message)); }
+  Status accept(const wire::ModelContents& contents) {
+    ModelReport report;
+    const Status status = deliver(*renderer, contents, report);
+    if (status != Status::ok) reports.push_back(report);
+    return status;
+  }
   Status accept(const std::vector<std::uint8_t>& payload) {
     ModelReport report;
     const Status status = renderer->accept(payload, report);
@@ -133,6 +149,7 @@ struct Runner {
   std::unique_ptr<Renderer> renderer = std::make_unique<Renderer>(wire::kSchemaHash);
   std::uint32_t now = 0;  // the next tick
   std::vector<ModelReport> reports;
+  std::vector<BasisStore::Event> basis_events;
 };
 
 }  // namespace palpate::firmware::test

@@ -107,9 +107,9 @@ class ServoTest : public ::testing::Test {
       last_ = tick();
     }
   }
-  void give_model(const palpate_LocalModel_1_0& message) {
+  void give_model(const wire::ModelContents& message) {
     ModelReport report;
-    ASSERT_EQ(renderer_->accept(test::HostPeer::payload(message), report), Status::ok);
+    ASSERT_EQ(test::deliver(*renderer_, message, report), Status::ok);
     for (int i = 0; i < 50 && renderer_->model_sequence() != message.sequence; ++i) {
       (void)renderer_->catch_up(report);
       last_ = tick();
@@ -189,7 +189,7 @@ TEST_F(ServoTest, TheModelChoosesWhereTheTipIs) {
 
   message.sequence = 2;
   message.tick = timing_.tick - 1;
-  message.tip_source = palpate_LocalModel_1_0_TIP_ESTIMATED;
+  message.tip_source = palpate_ModelState_1_0_TIP_ESTIMATED;
   give_model(message);
   // Two counts of each joint, 0.03 mm a count and joint.
   constexpr float kFarthest_m = 3 * 2 * 0.03e-3f;
@@ -219,8 +219,8 @@ TEST_F(ServoTest, TheModelChoosesWhereTheTipIs) {
 // asks for. Where that is another one than before, tip and force step.
 class TipSourceChange : public ServoTest, public ::testing::WithParamInterface<float> {
  protected:
-  static constexpr std::uint8_t kCounts = palpate_LocalModel_1_0_TIP_COUNTS,
-                                kEstimated = palpate_LocalModel_1_0_TIP_ESTIMATED;
+  static constexpr std::uint8_t kCounts = palpate_ModelState_1_0_TIP_COUNTS,
+                                kEstimated = palpate_ModelState_1_0_TIP_ESTIMATED;
   struct Taken {
     ServoSample last, next;  // the model's first tick and its second
     float stiffness_N_m;     // of the point in contact
@@ -237,12 +237,12 @@ class TipSourceChange : public ServoTest, public ::testing::WithParamInterface<f
     }
   }
   // Offers the model and goes on until it is used; the one that is returned has been stepped as it was.
-  std::unique_ptr<test::Reference> take_over(const palpate_LocalModel_1_0& message) {
+  std::unique_ptr<test::Reference> take_over(const wire::ModelContents& message) {
     ServoSample sample;
     EXPECT_TRUE(servo_->sample(message.tick, sample));
     auto follower = std::make_unique<test::Reference>(message, sample.tip_m);
     ModelReport report;
-    EXPECT_EQ(renderer_->accept(test::HostPeer::payload(message), report), Status::ok);
+    EXPECT_EQ(test::deliver(*renderer_, message, report), Status::ok);
     for (int i = 0; i < 100 && renderer_->model_sequence() != message.sequence; ++i) {
       (void)renderer_->catch_up(report);
       go(1);

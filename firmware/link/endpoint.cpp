@@ -32,6 +32,7 @@ void Endpoint::run() {
   receive();
   ModelReport report;
   if (renderer_.catch_up(report)) note(report);
+  send_model_reports();
   send_replies();
   send_status();
   send_traces();
@@ -64,11 +65,16 @@ void Endpoint::dispatch(const wire::Frame& frame) {
   if (transfers_.observe(header, servo_.next_tick()) == wire::TransferKind::repeat) return;
   Status status = Status::port_unknown;
   switch (header.specifier) {
-    case wire::MessageTraits<palpate_LocalModel_1_0>::kSpecifier: {
+    case wire::MessageTraits<palpate_ModelState_1_0>::kSpecifier: {
       ModelReport report;
       if (renderer_.accept(frame.payload, report) != Status::ok) note(report);
+      send_model_reports();
       return;
     }
+    case wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier:
+      status = renderer_.accept_part(frame.payload);
+      send_model_reports();
+      break;
     case wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier:
       status = take_trace_request(frame);
       break;
@@ -101,6 +107,9 @@ Status Endpoint::send_info(const wire::Frame& frame) {
   info.max_basis = kMaxBasis;
   info.max_nodes = kMaxSurfaceNodes;
   info.max_triangles = kMaxTriangles;
+  info.max_springs = kMaxSprings;
+  info.max_basis_bytes = wire::kMaxBasisBytes;
+  info.basis_slots = kBasisSlots;
   info.tick_rate_Hz = kServoRate_Hz;
   info.tip_history_ticks = kTipHistory;
   (void)send(info, response<palpate_GetInfo_Response_1_0>({frame.header.source, frame.header.transfer_id}));
@@ -129,6 +138,36 @@ void Endpoint::note(const ModelReport& report) {
   message.model_tick = report.model_tick;
   message.swap_tick = report.swap_tick;
   (void)send(message, publication<palpate_ModelReport_1_0>(report_transfers_));
+}
+
+void Endpoint::send_model_reports() {
+  ModelReport report;
+  while (renderer_.next_report(report)) note(report);
+  BasisStore::Event event;
+  while (renderer_.next_basis_event(event)) note(event);
+}
+
+void Endpoint::note(const BasisStore::Event& event) {
+  if (event.status == Status::ok) {
+    ++counters_.bases_taken;
+  } else {
+    // A basis that is missed is asked for, not refused.
+    if (event.status != Status::basis_missing) ++counters_.bases_refused;
+    counters_.last_status = event.status;
+  }
+  const BasisStore& bases = renderer_.bases();
+  palpate_BasisReport_1_0 message{};
+  message.basis_id = event.id;
+  message.status = static_cast<std::uint8_t>(event.status);
+  BasisStore::Blocks missing;
+  message.basis_bytes = static_cast<std::uint32_t>(bases.missing(event.id, missing));
+  if (event.status != Status::ok && message.basis_bytes != 0) {
+    message.missing.count = missing.size();
+    std::copy(missing.begin(), missing.end(), message.missing.elements);
+  }
+  for (std::uint32_t slot = 0; slot < kBasisSlots; ++slot)
+    if (const std::uint32_t id = bases.held(slot); id != 0) message.held.elements[message.held.count++] = id;
+  (void)send(message, publication<palpate_BasisReport_1_0>(basis_transfers_));
 }
 
 void Endpoint::send_replies() {

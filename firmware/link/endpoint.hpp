@@ -46,6 +46,9 @@ class Endpoint {
   struct Counters {
     std::uint32_t models_taken = 0;
     std::uint32_t models_refused = 0;
+    std::uint32_t bases_taken = 0;
+    std::uint32_t bases_refused =
+        0;  // invalid pieces, bytes that are not those of the identifier, dropped ones
     std::uint32_t frames_refused = 0;  // good frames that mean nothing here: port, payload, or no room
     std::uint32_t frames_unsent = 0;
     Status last_status = Status::ok;  // the last that was not ok
@@ -59,6 +62,8 @@ class Endpoint {
   Status send_info(const wire::Frame& frame);
   Status take_trace_request(const wire::Frame& frame);
   void note(const ModelReport& report);
+  void note(const BasisStore::Event& event);
+  void send_model_reports();
   void send_replies();
   void send_status();
   void send_traces();
@@ -88,7 +93,7 @@ class Endpoint {
   Counters counters_{};
   std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of
 
-  std::uint64_t trace_transfers_ = 0, status_transfers_ = 0, report_transfers_ = 0;
+  std::uint64_t trace_transfers_ = 0, status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
   std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
   std::uint32_t next_trace_tick_ = 0;
   struct TickRange {

@@ -236,7 +236,7 @@ TEST_F(EndpointTest, BadModelsAreRefusedCountedReportedAndHarmless) {
   ASSERT_EQ(renderer_->model_sequence(), 1u);
   host_.take<palpate_ModelReport_1_0>();
 
-  const auto expect_refused = [&](const palpate_LocalModel_1_0& message, Status expected) {
+  const auto expect_refused = [&](const wire::ModelContents& message, Status expected) {
     const std::uint32_t refused = endpoint_->counters().models_refused;
     host_.send(message);
     ticks(20);

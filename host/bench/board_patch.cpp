@@ -14,8 +14,8 @@ BoardPatch::BoardPatch(const Body& body, const BodyState& state, const Eigen::Ve
                        SurfaceKind kind, double friction)
     : model_(build_patch(body, state, nearest_surface_point(body, state.position_m, near_m), PatchSize{},
                          kTick_s)),
-      message_(std::make_unique<palpate_LocalModel_1_0>()) {
-  palpate_LocalModel_1_0& m = *message_;
+      message_(std::make_unique<wire::ModelContents>()) {
+  wire::ModelContents& m = *message_;
   const FrictionSpec spec{.elsewhere = {friction, friction}, .regions = {}};
   pack_model(model_, ModelStamp{}, {}, kind, SurfaceFriction(body, spec), {}, m);
   view_ = wire::view_of(m);

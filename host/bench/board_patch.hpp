@@ -10,7 +10,7 @@
 #include "shared/contact/surface_kind.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/model/local_model.hpp"
-#include "shared/wire/messages.hpp"
+#include "shared/wire/model_contents.hpp"
 
 namespace palpate::host::bench {
 
@@ -36,7 +36,7 @@ class BoardPatch {
 
  private:
   LocalModel model_;
-  std::unique_ptr<palpate_LocalModel_1_0> message_;
+  std::unique_ptr<wire::ModelContents> message_;
   LocalModelView view_{};
   ModalState state_{};
 };

@@ -9,9 +9,9 @@
 
 namespace palpate::host {
 
-// The same content as palpate.LocalModel.1.0 (shared/wire/dsdl), made by a builder for one state of the body.
-// With q and p the modal positions and velocities, f the contact forces on the surface nodes (3 per node),
-// and basis Phi:
+// The same content as basis and state on the wire (shared/wire/model_contents.hpp), made by a builder for one
+// state of the body. With q and p the modal positions and velocities, f the contact forces on the surface
+// nodes (3 per node), and basis Phi:
 //   displacement of the surface nodes from position_m = Phi q
 //   modal force u = load + Phi' f,  then one step of each mode (modal_coefficients.hpp)
 struct LocalModel {
@@ -22,6 +22,9 @@ struct LocalModel {
   std::vector<int> node;                               // the body's number of each surface node
   std::vector<int> triangle;                           // the body's number of each triangle
   std::vector<std::array<int, 3>> corner;              // of each triangle; columns of position_m
+  // Where basis and coefficients are constants of body and patch: rest positions, 3 x nodes, minus origin_m,
+  // both the same from state to state. Otherwise empty.
+  Eigen::Matrix3Xd rest_m;
   // Modes.
   std::vector<ModalCoefficients> coefficient;
   Eigen::VectorXd lambda_rad2_s2;

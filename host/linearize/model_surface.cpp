@@ -41,4 +41,12 @@ void set_surface(LocalModel& model, const BodyState& state, SubsetSurface surfac
   model.corner = std::move(surface.corner);
 }
 
+void set_rest(LocalModel& model, const Body& body) {
+  const Eigen::Matrix3Xd rest_m = body.rest_state().position_m(Eigen::all, model.node);
+  const Eigen::Vector3d origin_m = rest_m.rowwise().mean();
+  model.position_m.colwise() += model.origin_m - origin_m;
+  model.rest_m = rest_m.colwise() - origin_m;
+  model.origin_m = origin_m;
+}
+
 }  // namespace palpate::host

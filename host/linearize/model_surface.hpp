@@ -29,4 +29,8 @@ void set_step(LocalModel& model, double step_s);
 void set_surface(LocalModel& model, const BodyState& state, SubsetSurface surface, std::vector<int> dof_node,
                  std::vector<int> dof_axis, Eigen::MatrixXd dof_basis);
 
+// For a model whose basis and coefficients do not depend on the state: puts its origin where it is at rest,
+// and sets rest_m.
+void set_rest(LocalModel& model, const Body& body);
+
 }  // namespace palpate::host

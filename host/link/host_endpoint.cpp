@@ -45,22 +45,16 @@ HostEndpoint::HostEndpoint(const EndpointOptions& options)
                                 std::to_string(options.board) + " must differ and be in 0..65534");
 }
 
-OutgoingFrame HostEndpoint::encode(const palpate_LocalModel_1_0& message) {
-  const auto check_count = [](const char* field, std::size_t count, std::size_t most) {
-    check_range(field, count, 0, most);
-  };
-  check_count("LocalModel.position_m.count", message.position_m.count, 3 * kMaxSurfaceNodes);
-  check_count("LocalModel.triangle_id.count", message.triangle_id.count, kMaxTriangles);
-  check_count("LocalModel.corner.count", message.corner.count, 3 * kMaxTriangles);
-  check_count("LocalModel.triangle_friction.count", message.triangle_friction.count, kMaxTriangles);
-  check_count("LocalModel.static_friction.count", message.static_friction.count, kMaxFrictions);
-  check_count("LocalModel.kinetic_friction.count", message.kinetic_friction.count, kMaxFrictions);
-  check_count("LocalModel.coefficient.count", message.coefficient.count, kCoefficientsPerMode * kMaxModes);
-  check_count("LocalModel.load.count", message.load.count, kMaxModes);
-  check_count("LocalModel.state_q.count", message.state_q.count, kMaxModes);
-  check_count("LocalModel.state_p.count", message.state_p.count, kMaxModes);
-  check_count("LocalModel.basis_scale.count", message.basis_scale.count, kMaxModes);
-  check_count("LocalModel.basis.count", message.basis.count, kMaxBasis);
+OutgoingFrame HostEndpoint::encode(const palpate_ModelPart_1_0& message) {
+  check_range("ModelPart.data.count", message.data.count, 0, palpate_ModelPart_1_0_data_ARRAY_CAPACITY_);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_ModelState_1_0& message) {
+  check_range("ModelState.displacement.count", message.displacement.count, 0, 3 * kMaxSurfaceNodes);
+  check_range("ModelState.load.count", message.load.count, 0, kMaxModes);
+  check_range("ModelState.q.count", message.q.count, 0, kMaxModes);
+  check_range("ModelState.p.count", message.p.count, 0, kMaxModes);
   return encode_message(message);
 }
 
@@ -133,6 +127,9 @@ void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vecto
       break;
     case wire::MessageTraits<palpate_ModelReport_1_0>::kSpecifier:
       decoded = decode<palpate_ModelReport_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_BasisReport_1_0>::kSpecifier:
+      decoded = decode<palpate_BasisReport_1_0>(frame, messages);
       break;
     case wire::MessageTraits<palpate_Command_Response_1_0>::kSpecifier:
       decoded = decode_response<CommandResponse>(frame, messages);

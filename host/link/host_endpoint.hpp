@@ -31,7 +31,7 @@ struct InfoResponse {
 };
 
 using Incoming = std::variant<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
-                              CommandResponse, InfoResponse>;
+                              palpate_BasisReport_1_0, CommandResponse, InfoResponse>;
 
 struct EndpointCounters {
   std::uint64_t frames_sent = 0;
@@ -66,7 +66,8 @@ class HostEndpoint {
   // Encode one frame each; every call is a new transfer. Throw std::invalid_argument, naming field, value and
   // allowed range, for what the wire cannot carry: an array count beyond its bound, a count of ticks
   // outside 1..256, an unknown action. Values are not judged: a test may send NaN or another schema hash.
-  OutgoingFrame encode(const palpate_LocalModel_1_0& message);
+  OutgoingFrame encode(const palpate_ModelPart_1_0& message);
+  OutgoingFrame encode(const palpate_ModelState_1_0& message);
   OutgoingFrame encode(const palpate_TraceRequest_1_0& message);
   OutgoingFrame encode(const palpate_Command_Request_1_0& message);
   OutgoingFrame encode(const palpate_GetInfo_Request_1_0& message);

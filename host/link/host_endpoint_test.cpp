@@ -75,12 +75,16 @@ TEST(HostEndpoint, MessagesToTheBoard) {
   EXPECT_EQ(header.transfer_id, 0u);  // each specifier has its own count
   as_board<palpate_GetInfo_Request_1_0>(host.encode(palpate_GetInfo_Request_1_0{}).bytes, header);
 
-  auto model = std::make_unique<palpate_LocalModel_1_0>();
-  model->basis.count = kMaxBasis;
-  model->basis.elements[kMaxBasis - 1] = -12345;
-  const OutgoingFrame frame = host.encode(*model);
-  EXPECT_EQ(as_board<palpate_LocalModel_1_0>(frame.bytes, header).basis.elements[kMaxBasis - 1], -12345);
-  EXPECT_EQ(host.counters().frames_sent, 6u);
+  palpate_ModelState_1_0 state{};
+  state.p.count = kMaxModes;
+  state.p.elements[kMaxModes - 1] = -12345;
+  const OutgoingFrame frame = host.encode(state);
+  EXPECT_EQ(as_board<palpate_ModelState_1_0>(frame.bytes, header).p.elements[kMaxModes - 1], -12345);
+  palpate_ModelPart_1_0 part{};
+  part.data.count = 1024;
+  part.data.elements[1023] = 7;
+  EXPECT_EQ(as_board<palpate_ModelPart_1_0>(host.encode(part).bytes, header).data.elements[1023], 7);
+  EXPECT_EQ(host.counters().frames_sent, 7u);
 }
 
 TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
@@ -97,6 +101,9 @@ TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
   append(from_board(status, 0));
   append(
       from_board(palpate_ModelReport_1_0{.sequence = 3, .status = 35, .model_tick = 0, .swap_tick = 0}, 0));
+  palpate_BasisReport_1_0 basis{};
+  basis.basis_id = 77;
+  append(from_board(basis, 0));
   append(from_board(palpate_Command_Response_1_0{.status = 49, .mode = 1, ._token = 0}, 4, wire::kBoardNode,
                     wire::kHostNode));
   append(from_board(info, 5, wire::kBoardNode, wire::kHostNode));
@@ -104,14 +111,15 @@ TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
   std::vector<Incoming> messages;
   for (const std::uint8_t byte : stream)
     for (Incoming& message : host.receive(std::span(&byte, 1), 0)) messages.push_back(message);
-  ASSERT_EQ(messages.size(), 5u);
+  ASSERT_EQ(messages.size(), 6u);
   EXPECT_EQ(std::get<palpate_ServoTrace_1_0>(messages[0]).samples.elements[31].tip_m[2], 7.75f);
   EXPECT_EQ(std::get<palpate_BoardStatus_1_0>(messages[1]).sequence, 2u);
   EXPECT_EQ(std::get<palpate_ModelReport_1_0>(messages[2]).status, 35u);
-  EXPECT_EQ(std::get<CommandResponse>(messages[3]).transfer_id, 4u);
-  EXPECT_EQ(std::get<CommandResponse>(messages[3]).message.status, 49u);
-  EXPECT_EQ(std::get<InfoResponse>(messages[4]).message.schema_hash, wire::kSchemaHash);
-  EXPECT_EQ(host.counters().frames_received, 5u);
+  EXPECT_EQ(std::get<palpate_BasisReport_1_0>(messages[3]).basis_id, 77u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[4]).transfer_id, 4u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[4]).message.status, 49u);
+  EXPECT_EQ(std::get<InfoResponse>(messages[5]).message.schema_hash, wire::kSchemaHash);
+  EXPECT_EQ(host.counters().frames_received, 6u);
   EXPECT_EQ(host.counters().frames_lost, 0u);
   EXPECT_EQ(host.counters().bytes_received, stream.size());
 }
@@ -148,12 +156,15 @@ void expect_refused(const std::string& expected, const auto& call) {
 
 TEST(HostEndpoint, UnencodableMessagesNameFieldValueAndRange) {
   HostEndpoint host;
-  auto model = std::make_unique<palpate_LocalModel_1_0>();
-  model->position_m.count = 97;
-  expect_refused("LocalModel.position_m.count is 97, allowed 0..96", [&] { host.encode(*model); });
-  model->position_m.count = 0;
-  model->basis.count = 9217;
-  expect_refused("LocalModel.basis.count is 9217, allowed 0..9216", [&] { host.encode(*model); });
+  palpate_ModelState_1_0 state{};
+  state.displacement.count = 97;
+  expect_refused("ModelState.displacement.count is 97, allowed 0..96", [&] { host.encode(state); });
+  state.displacement.count = 0;
+  state.q.count = 193;
+  expect_refused("ModelState.q.count is 193, allowed 0..192", [&] { host.encode(state); });
+  palpate_ModelPart_1_0 part{};
+  part.data.count = 1025;
+  expect_refused("ModelPart.data.count is 1025, allowed 0..1024", [&] { host.encode(part); });
   expect_refused("TraceRequest.count is 0, allowed 1..256", [&] { host.encode(palpate_TraceRequest_1_0{}); });
   expect_refused("TraceRequest.count is 257, allowed 1..256",
                  [&] { host.encode(palpate_TraceRequest_1_0{.first_tick = 0, .count = 257}); });
@@ -179,12 +190,12 @@ TEST(HostEndpoint, BoardWithOtherDefinitionsIsNoticed) {
 // Values are the board's to judge: NaN and a wrong schema pass the encoder.
 TEST(HostEndpoint, ValuesPassUnjudged) {
   HostEndpoint host;
-  auto model = std::make_unique<palpate_LocalModel_1_0>();
-  model->schema_hash = ~wire::kSchemaHash;
-  model->tip_radius_m = std::numeric_limits<float>::quiet_NaN();
+  palpate_ModelState_1_0 state{};
+  state.schema_hash = ~wire::kSchemaHash;
+  state.q_step_m = std::numeric_limits<float>::quiet_NaN();
   wire::FrameHeader header;
-  const auto seen = as_board<palpate_LocalModel_1_0>(host.encode(*model).bytes, header);
-  EXPECT_TRUE(seen.tip_radius_m != seen.tip_radius_m);
+  const auto seen = as_board<palpate_ModelState_1_0>(host.encode(state).bytes, header);
+  EXPECT_TRUE(seen.q_step_m != seen.q_step_m);
   EXPECT_EQ(seen.schema_hash, ~wire::kSchemaHash);
 }
 

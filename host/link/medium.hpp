@@ -36,6 +36,8 @@ class Medium {
   // Bytes submitted that have not fully arrived by the start of `tick`: a sender that looks here need lose
   // nothing.
   [[nodiscard]] virtual std::size_t backlog_bytes(std::uint32_t tick) const = 0;
+  // What it carries at most.
+  [[nodiscard]] virtual double bytes_per_tick() const = 0;
   [[nodiscard]] virtual MediumCounters counters() const = 0;
 
  protected:

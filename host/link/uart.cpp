@@ -81,6 +81,10 @@ std::size_t Uart::backlog_bytes(std::uint32_t tick) const {
   return bytes;
 }
 
+double Uart::bytes_per_tick() const {
+  return static_cast<double>(baud_) / static_cast<double>(kUnitsPerByte);
+}
+
 MediumCounters Uart::counters() const {
   return {.bytes_accepted = bytes_accepted_,
           .bytes_delivered = bytes_delivered_,

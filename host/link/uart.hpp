@@ -22,6 +22,7 @@ class Uart final : public Medium {
   bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override;
   std::vector<std::uint8_t> deliver(std::uint32_t tick) override;
   [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override;
+  [[nodiscard]] double bytes_per_tick() const override;
   [[nodiscard]] MediumCounters counters() const override;
 
  private:

@@ -67,28 +67,42 @@ palpate_BoardStatus_1_0 sample_status() {
   return status;
 }
 
-// The largest model: every array full.
-std::unique_ptr<palpate_LocalModel_1_0> sample_model() {
-  auto model = std::make_unique<palpate_LocalModel_1_0>();
-  model->sequence = 5;
-  model->schema_hash = wire::kSchemaHash;
-  model->tick = 990;
-  model->modes = kMaxModes;
-  model->tip_radius_m = 0.5f;
-  model->position_m.count = std::size(model->position_m.elements);
-  model->triangle_id.count = std::size(model->triangle_id.elements);
-  model->corner.count = std::size(model->corner.elements);
-  model->coefficient.count = std::size(model->coefficient.elements);
-  model->load.count = std::size(model->load.elements);
-  model->state_q.count = std::size(model->state_q.elements);
-  model->state_p.count = std::size(model->state_p.elements);
-  model->basis_scale.count = std::size(model->basis_scale.elements);
-  model->basis.count = std::size(model->basis.elements);
-  for (std::size_t i = 0; i < model->coefficient.count; ++i)
-    model->coefficient.elements[i] = 0.5f * static_cast<float>(i);
-  for (std::size_t i = 0; i < model->basis.count; ++i)
-    model->basis.elements[i] = static_cast<std::int16_t>(static_cast<int>(i) - 4608);
-  return model;
+// The largest state: every array full.
+palpate_ModelState_1_0 sample_state() {
+  palpate_ModelState_1_0 state{};
+  state.sequence = 5;
+  state.schema_hash = wire::kSchemaHash;
+  state.tick = 990;
+  state.basis_id = 0xCAFEBABEu;
+  state.q_step_m = 0.5f;
+  const auto fill = [](auto& array) {
+    array.count = std::size(array.elements);
+    for (std::size_t i = 0; i < array.count; ++i)
+      array.elements[i] = static_cast<std::int16_t>(100 * static_cast<int>(i) - 4608);
+  };
+  fill(state.displacement);
+  fill(state.load);
+  fill(state.q);
+  fill(state.p);
+  return state;
+}
+
+palpate_ModelPart_1_0 sample_part() {
+  palpate_ModelPart_1_0 part{.basis_id = 0xCAFEBABEu, .basis_bytes = 13'000, .first_block = 8, .data = {}};
+  part.data.count = std::size(part.data.elements);
+  for (std::size_t i = 0; i < part.data.count; ++i) part.data.elements[i] = static_cast<std::uint8_t>(i);
+  return part;
+}
+
+palpate_BasisReport_1_0 sample_basis_report() {
+  palpate_BasisReport_1_0 report{
+      .basis_id = 0xCAFEBABEu, .status = 38, .basis_bytes = 13'000, .missing = {}, .held = {}};
+  report.missing.count = 7;
+  report.missing.elements[6] = 0x05;
+  report.held.count = 2;
+  report.held.elements[0] = 11;
+  report.held.elements[1] = 12;
+  return report;
 }
 
 palpate_GetInfo_Response_1_0 sample_info() {
@@ -110,7 +124,9 @@ void write_samples() {
                    wire::kBroadcast, 6);
   write_from_board(palpate_Command_Response_1_0{.status = 0, .mode = 1, ._token = 77}, wire::kHostNode, 0);
   write_from_board(sample_info(), wire::kHostNode, 0);
-  write(host.encode(*sample_model()).bytes);
+  write_from_board(sample_basis_report(), wire::kBroadcast, 2);
+  write(host.encode(sample_state()).bytes);
+  write(host.encode(sample_part()).bytes);
   write(host.encode(palpate_TraceRequest_1_0{.first_tick = 950, .count = 40}).bytes);
   write(host.encode(
                 palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 77})
@@ -152,9 +168,9 @@ std::string again_by_specifier(const wire::Frame& frame) {
 void print(const wire::Frame& frame) {
   const std::string decoded =
       again_by_specifier<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
-                         palpate_LocalModel_1_0, palpate_TraceRequest_1_0, palpate_Command_Request_1_0,
-                         palpate_Command_Response_1_0, palpate_GetInfo_Request_1_0,
-                         palpate_GetInfo_Response_1_0>(frame);
+                         palpate_BasisReport_1_0, palpate_ModelState_1_0, palpate_ModelPart_1_0,
+                         palpate_TraceRequest_1_0, palpate_Command_Request_1_0, palpate_Command_Response_1_0,
+                         palpate_GetInfo_Request_1_0, palpate_GetInfo_Response_1_0>(frame);
   std::printf(
       "{\"priority\": %u, \"source\": %u, \"destination\": %u, \"specifier\": %u, \"transfer_id\": %llu, "
       "\"payload\": \"%s\", \"decoded\": \"%s\"}\n",

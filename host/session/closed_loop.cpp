@@ -8,6 +8,7 @@
 #include <cstring>
 #include <deque>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 
 #include "host/link/host_endpoint.hpp"
 #include "host/session/arming.hpp"
+#include "host/session/basis_sender.hpp"
 #include "shared/servo_tick.hpp"
 
 namespace palpate::host {
@@ -43,14 +45,17 @@ class Host {
       std::visit([this](const auto& message) { take(message); }, incoming);
   }
 
-  // Frames that the host hands to the link in this tick. link_is_idle: all that was handed to it has arrived.
-  // A model that would queue behind another is not computed before that one has arrived: a queue of models,
-  // each older than the next, would reach the board too late for its tip history, all of them.
-  std::vector<link::OutgoingFrame> poll(std::uint32_t tick, bool link_is_idle) {
+  // Frames that the host hands to the link in this tick. backlog_bytes: of what was handed to it, what has
+  // not arrived. A model that would queue behind another is not computed before that one has arrived: a queue
+  // of models, each older than the next, would reach the board too late for its tip history, all of them.
+  // Pieces of a basis that is not needed yet go one at a time, when the link has nothing else to carry.
+  std::vector<link::OutgoingFrame> poll(std::uint32_t tick, std::size_t backlog_bytes,
+                                        double link_bytes_per_tick) {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
     if (session_.due(tick)) model_is_due_ = true;
-    if (model_is_due_ && link_is_idle && computing_.size() < config_.models_under_way) {
+    if (model_is_due_ && backlog_bytes <= bytes_behind_model_ &&
+        computing_.size() < config_.models_under_way) {
       model_is_due_ = false;
       if (auto update = session_.update())
         computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
@@ -62,9 +67,19 @@ class Host {
         frames.push_back(endpoint_.encode(request));
       }
     }
+    if (held_back_ && bases_.is_held(held_back_->packed.state.basis_id)) {
+      send_state(*held_back_, tick, frames);
+      held_back_.reset();
+    }
     while (!computing_.empty() && computing_.front().first <= tick) {
-      frames.push_back(send(computing_.front().second, tick));
+      send(std::move(computing_.front().second), tick, frames);
       computing_.pop_front();
+    }
+    if (frames.empty() && backlog_bytes == 0) {
+      // A piece takes a tick, so that what comes up meanwhile waits no longer.
+      const double blocks = link_bytes_per_tick / palpate_ModelPart_1_0_BLOCK_BYTES;
+      send_piece(static_cast<std::size_t>(std::clamp(blocks, 1.0, static_cast<double>(kMostBlocks))), tick,
+                 frames);
     }
     return frames;
   }
@@ -113,27 +128,62 @@ class Host {
 
   static constexpr std::uint32_t kLargestTraceRequest = 256;  // palpate.TraceRequest
 
-  link::OutgoingFrame send(const ModelUpdate& update, std::uint32_t tick) {
-    link::OutgoingFrame frame = endpoint_.encode(update.message);
+  static constexpr std::size_t kMostBlocks =
+      palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
+
+  // True when there was one.
+  bool send_piece(std::size_t blocks, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
+    const auto part = bases_.next(blocks, tick);
+    if (!part) return false;
+    frames.push_back(endpoint_.encode(*part));
+    const std::size_t bytes = frames.back().bytes.size();
+    bytes_behind_model_ += bytes;
+    basis_bytes_ += bytes;
+    return true;
+  }
+
+  // The state, and its basis where it has to come with it or is not on the board.
+  void send(ModelUpdate update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
+    const std::uint32_t id = update.packed.state.basis_id;
+    if (id != 0 && !update.basis_stays) {
+      if (bases_.id() != id) bases_.begin(id, update.packed.basis);
+      while (send_piece(kMostBlocks, tick, frames)) {
+      }
+    } else if (id != 0) {
+      const bool held = bases_.is_held(id);
+      if (!bases_.busy()) {
+        if (!held) {
+          bases_.begin(id, update.packed.basis);
+        } else if (update.wanted_basis) {
+          bases_.begin(update.wanted_basis_id, update.wanted_basis);
+        }
+      }
+      if (!held) {
+        // It waits here, not on the board, for the basis to come; a newer one takes its place.
+        held_back_ = std::move(update);
+        return;
+      }
+    }
+    held_back_.reset();
+    send_state(update, tick, frames);
+  }
+
+  void send_state(const ModelUpdate& update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
+    frames.push_back(endpoint_.encode(update.packed.state));
+    bytes_behind_model_ = 0;
     UpdateRecord record;
     record.sequence = update.message.sequence;
     record.tick = update.message.tick;
     record.sent_tick = tick;
     record.modes = update.message.modes;
     record.nodes = update.message.nodes;
-    record.bytes = static_cast<std::uint32_t>(frame.bytes.size());
+    record.bytes = static_cast<std::uint32_t>(frames.back().bytes.size());
+    record.basis_bytes = static_cast<std::uint32_t>(std::exchange(basis_bytes_, 0));
     record.interpolated_ticks = update.interpolated_ticks;
     record.damping_coupling = update.damping_coupling;
     record.limited_modes = update.limited_modes;
     result_.updates.push_back(record);
-    if (config_.probe_node) {
-      std::vector<std::uint8_t> payload(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes);
-      std::size_t length = 0;
-      if (wire::serialize(update.message, payload, length) != Status::ok)
-        throw std::runtime_error("probe: a local model cannot be serialized");
-      payload.resize(length);
-      sent_.push_back({std::move(payload), update.patch_nodes});
-    }
+    if (config_.probe_node) sent_.push_back({update.packed, update.patch_nodes});
     ++result_.counters.models_sent;
 
     const float* force = update.message.contact.force_N;
@@ -146,7 +196,6 @@ class Host {
       result_.peak_tick = record.tick;
       result_.patch_at_peak = update.patch_nodes;
     }
-    return frame;
   }
 
   void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
@@ -168,6 +217,10 @@ class Host {
       ++result_.counters.models_refused;
     }
   }
+  void take(const palpate_BasisReport_1_0& report) {
+    bases_.take(report);
+    session_.note_held_bases(bases_.held());
+  }
   void take(const link::CommandResponse& response) { arming_.take(response.message); }
   void take(const link::InfoResponse&) {}
 
@@ -177,7 +230,12 @@ class Host {
   Session session_;
   bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
-  std::vector<SentModel> sent_;                                  // with a probe only
+  BasisSender bases_;
+  std::optional<ModelUpdate> held_back_;  // until its basis is on the board
+  // Of pieces that were handed to the link after the newest state.
+  std::size_t bytes_behind_model_ = std::size_t{1} << 40;
+  std::size_t basis_bytes_ = 0;  // sent since the newest state
+  std::vector<SentModel> sent_;  // with a probe only
   ClosedLoopResult result_;
   bool has_peak_ = false;
   double peak_N_ = 0.0;
@@ -261,7 +319,7 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
     row.link_down_bytes = sensors.link_length;
     host.receive(to_host, tick);
-    for (const link::OutgoingFrame& frame : host.poll(tick, down.backlog_bytes(tick) == 0))
+    for (const link::OutgoingFrame& frame : host.poll(tick, down.backlog_bytes(tick), down.bytes_per_tick()))
       (void)down.submit(faults_down.apply(frame.bytes), tick);
 
     if (recorded.size() % kTicksPerReport == 0 && progress &&

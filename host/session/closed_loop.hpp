@@ -77,7 +77,8 @@ struct UpdateRecord {
   std::uint8_t status = kNeverHeard;  // palpate::Status, from the board
   std::uint16_t modes = 0;
   std::uint8_t nodes = 0;
-  std::uint32_t bytes = 0;
+  std::uint32_t bytes = 0;        // frame of the state
+  std::uint32_t basis_bytes = 0;  // frames of bases since the state before
   std::uint32_t interpolated_ticks = 0;
   double interpolation_error_m = 0.0;
   double damping_coupling = 0.0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)

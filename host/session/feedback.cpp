@@ -66,9 +66,9 @@ class Paper final : public FeedbackScheme {
     contact = patch_->replay.contact();
   }
   [[nodiscard]] ModelKind kind() const override { return ModelKind::modes; }
-  void sent(const LocalModel& model, const palpate_LocalModel_1_0& message, const BodyState& state,
+  void sent(const LocalModel& model, const wire::PackedModel& packed, const BodyState& state,
             const Vec3d& tip_m) override {
-    patch_.emplace(Patch{ModelReplay(message, narrow(tip_m)), model.dof_node, model.dof_axis, model.dof_basis,
+    patch_.emplace(Patch{ModelReplay(packed, narrow(tip_m)), model.dof_node, model.dof_axis, model.dof_basis,
                          state.position_m});
   }
   void sent_none() override { patch_.reset(); }

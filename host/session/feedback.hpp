@@ -9,7 +9,7 @@
 #include "host/session/body_surface.hpp"
 #include "host/session/tip_history.hpp"
 #include "shared/model/local_model.hpp"
-#include "shared/wire/messages.hpp"
+#include "shared/wire/packed_model.hpp"
 
 namespace palpate::host {
 
@@ -41,8 +41,7 @@ class FeedbackScheme {
   // What the board is sent.
   [[nodiscard]] virtual ModelKind kind() const = 0;
   // The model that is sent after advance(), linearized at `state`, with the tip where it was then.
-  virtual void sent(const LocalModel&, const palpate_LocalModel_1_0&, const BodyState&,
-                    const Vec3d& /*tip_m*/) {}
+  virtual void sent(const LocalModel&, const wire::PackedModel&, const BodyState&, const Vec3d& /*tip_m*/) {}
   // Nothing was sent: there is no local model until the next one is.
   virtual void sent_none() {}
 };

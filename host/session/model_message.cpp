@@ -43,7 +43,7 @@ void pack_contact(const ContactState<double>& contact, palpate_Contact_1_0& mess
 }
 
 void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double>& law,
-                const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+                const ContactState<double>& contact, wire::ModelContents& message) {
   message = {};
   message.sequence = stamp.sequence;
   message.schema_hash = wire::kSchemaHash;
@@ -60,13 +60,13 @@ void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double
 }  // namespace
 
 void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
-                     const ContactState<double>& contact, palpate_LocalModel_1_0& message) {
+                     const ContactState<double>& contact, wire::ModelContents& message) {
   pack_stamp(stamp, ModelKind::held_force, law, contact, message);
 }
 
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
                 SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
-                palpate_LocalModel_1_0& message) {
+                wire::ModelContents& message) {
   const auto modes = static_cast<std::size_t>(model.modes());
   const std::size_t nodes = model.node.size(), triangles = model.triangle.size();
   require_at_most(modes, kMaxModes, "modes");
@@ -76,7 +76,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
 
   pack_stamp(stamp, stamp.kind, law, contact, message);
   message.modes = static_cast<std::uint16_t>(modes);
-  message.nodes = static_cast<std::uint8_t>(nodes);
+  message.nodes = message.surface_nodes = static_cast<std::uint8_t>(nodes);
   message.triangles = static_cast<std::uint8_t>(triangles);
   pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
   message.surface = static_cast<std::uint8_t>(surface);
@@ -90,6 +90,10 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   for (std::size_t i = 0; i < 3 * nodes; ++i)
     message.position_m.elements[i] =
         narrow(model.position_m(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(i / 3)));
+  message.rest_m.count = static_cast<std::size_t>(model.rest_m.size());
+  for (std::size_t i = 0; i < message.rest_m.count; ++i)
+    message.rest_m.elements[i] =
+        narrow(model.rest_m(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(i / 3)));
   message.triangle_id.count = triangles;
   message.corner.count = 3 * triangles;
   message.triangle_friction.count = triangles;

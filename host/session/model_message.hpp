@@ -1,4 +1,5 @@
-// A local model as the wire carries it: single precision, basis quantized to 16 bits.
+// A local model as it is packed for the wire (shared/wire/packed_model.hpp): single precision, basis
+// quantized to 16 bits.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include "shared/contact/contact_state.hpp"
 #include "shared/contact/surface_kind.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/model_contents.hpp"
 
 namespace palpate::host {
 
@@ -26,11 +28,11 @@ struct ModelStamp {
 // hold.
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
                 SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
-                palpate_LocalModel_1_0& message);
+                wire::ModelContents& message);
 
 // The same for a force that the board is to hold until the next message: contact.force_N, with the mode and
 // place of that contact.
 void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
-                     const ContactState<double>& contact, palpate_LocalModel_1_0& message);
+                     const ContactState<double>& contact, wire::ModelContents& message);
 
 }  // namespace palpate::host

@@ -1,13 +1,14 @@
-// The board's rendering of one local model, repeated on the host by the board's own code: same message, same
+// The board's rendering of one local model, repeated on the host by the board's own code: same messages, same
 // tip positions, same bits.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "firmware/core/renderer.hpp"
-#include "shared/wire/messages.hpp"
+#include "shared/wire/packed_model.hpp"
 
 namespace palpate::host {
 
@@ -15,10 +16,10 @@ class ModelReplay {
  public:
   // Starts the model at its own tick, with the tip where the board had it then. Throws std::invalid_argument,
   // naming the palpate::Status, for a model that the board would refuse.
-  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m)
-      : ModelReplay(message, tip_m, message.tick) {}
+  ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m)
+      : ModelReplay(model, tip_m, model.state.tick) {}
   // Starts it at a later tick: kinds that the board does not roll forward.
-  ModelReplay(const palpate_LocalModel_1_0& message, const Vec3f& tip_m, std::uint32_t tick);
+  ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std::uint32_t tick);
 
   // The next servo tick, with the tip where the board had it.
   firmware::ServoSample step(const Vec3f& tip_m);
@@ -31,10 +32,11 @@ class ModelReplay {
   // precision from the modes: within 3e-5 of its displacement of what the board's contact sees, which rounds
   // them to 16 bits.
   [[nodiscard]] Eigen::Vector3d surface_node_m(std::size_t node) const;
-  [[nodiscard]] const palpate_LocalModel_1_0& message() const { return *message_; }
 
  private:
-  std::unique_ptr<palpate_LocalModel_1_0> message_;
+  std::shared_ptr<const std::vector<std::uint8_t>> basis_;
+  LocalModelView view_{};  // of basis_, position_m and load below
+  std::vector<float> position_m_, load_;
   std::unique_ptr<firmware::Renderer> renderer_;
   std::uint32_t tick_;
   ModalState state_{};

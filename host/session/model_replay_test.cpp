@@ -23,20 +23,28 @@ constexpr Vec3f kFar_m{0.0175f, 0.0215f, 0.019f};
 class ModelReplayTest : public ::testing::Test {
  protected:
   ModelReplayTest() {
-    pack_model(model_, {7, kTick, 200}, {}, SurfaceKind::smooth, SurfaceFriction(body_, {}), {}, *message_);
+    wire::ModelContents contents;
+    pack_model(model_, {7, kTick, 200}, {}, SurfaceKind::smooth, SurfaceFriction(body_, {}), {}, contents);
+    packed_ = wire::pack(contents);
   }
   static constexpr std::uint32_t kTick = 1000;
   Body body_ = block(5);
   BodyState state_ = test::random_state(body_, 1, 5e-4, 0.02);
   LocalModel model_ = build_patch(
       body_, state_, nearest_surface_point(body_, state_.position_m, {0.0175, 0.0215, 0.0}), {}, kTick_s);
-  std::unique_ptr<palpate_LocalModel_1_0> message_ = std::make_unique<palpate_LocalModel_1_0>();
+  wire::PackedModel packed_;
 };
 
 TEST_F(ModelReplayTest, MovesTheNodesAsTheModelDoes) {
-  // The basis is rounded to 1.5e-5 of a mode's largest entry, positions to single precision.
-  constexpr double kRounding_m = 1e-7;
-  ModelReplay replay(*message_, kFar_m);
+  // The basis is rounded to 1.5e-5 of a mode's largest entry, positions to single precision; the state to
+  // half a step for each mode (shared/wire/model_state.hpp), and within 40 ticks the error of a velocity
+  // moves a node by no more than 40 ms of it, that of a load by no more than it does at rest, and half as
+  // much again.
+  const auto modes = static_cast<double>(model_.modes());
+  const double kRounding_m = 1e-7 + 0.5 * modes *
+                                        (1.5 * static_cast<double>(packed_.state.load_step_m) +
+                                         0.04 * static_cast<double>(packed_.state.p_step_m_s));
+  ModelReplay replay(packed_, kFar_m);
   Eigen::VectorXd q = model_.q, p = model_.p;
   for (int tick = 0; tick <= 40; ++tick) {
     const Eigen::VectorXd moved = model_.basis * q;
@@ -60,30 +68,26 @@ TEST_F(ModelReplayTest, MovesTheNodesAsTheModelDoes) {
 }
 
 TEST_F(ModelReplayTest, RefusesWhatTheBoardRefuses) {
-  message_->valid_ticks = 0;
+  packed_.state.valid_ticks = 0;
   const auto refusal = [&] {
-    return message_of<std::invalid_argument>([&] { ModelReplay(*message_, kFar_m); });
+    return message_of<std::invalid_argument>([&] { ModelReplay(packed_, kFar_m); });
   };
   EXPECT_NE(refusal().find("local model 7: the board would refuse it"), std::string::npos);
-  message_->valid_ticks = 200;
+  packed_.state.valid_ticks = 200;
   EXPECT_EQ(refusal(), "");
-  message_->load.elements[3] = std::nanf("");
+  packed_.state.load_step_m = std::nanf("");
   EXPECT_NE(refusal(), "");
 }
 
 TEST_F(ModelReplayTest, AProbeKnowsWhereTheModelWasActive) {
-  SentModel sent{std::vector<std::uint8_t>(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes),
-                 model_.node};
-  std::size_t length = 0;
-  ASSERT_EQ(wire::serialize(*message_, sent.payload, length), Status::ok);
-  sent.payload.resize(length);
+  const SentModel sent{packed_, model_.node};
   std::vector<RenderedTick> ticks;
   for (std::uint32_t tick = kTick - 5; tick < kTick + 30; ++tick) {
     if (tick == kTick + 4 || tick == kTick + 15) continue;  // lost
     ticks.push_back({tick, kFar_m, tick < kTick + 10 ? 0u : (tick < kTick + 20 ? 7u : 8u)});
   }
   // Lost before the take-over, the tick is replayed all the same; lost afterwards, it is not stepped.
-  ModelReplay reference(*message_, kFar_m);
+  ModelReplay reference(packed_, kFar_m);
   for (int tick = 1; tick < 10; ++tick) (void)reference.step(kFar_m);
   const auto probed = replay_models(ticks, std::vector<SentModel>{sent}, model_.node[5]);
   ASSERT_EQ(probed.size(), ticks.size());

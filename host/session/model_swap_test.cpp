@@ -69,7 +69,7 @@ class Loop {
       }
     }
     while (!under_way_.empty() && under_way_.front().arrives <= now_) {
-      deliver(sent(under_way_.front().sequence).message);
+      deliver(sent(under_way_.front().sequence).packed);
       under_way_.pop_front();
     }
     result.force_N = to_double(sample.force_N);
@@ -77,7 +77,7 @@ class Loop {
     result.used = (sample.flags & kModelUsed) != 0;
     result.swap = (sample.flags & kModelSwap) != 0;
     if (renderer_->model_sequence() != 0) {
-      const palpate_LocalModel_1_0& message = sent(renderer_->model_sequence()).message;
+      const wire::ModelContents& message = sent(renderer_->model_sequence()).message;
       result.model_tick = message.tick;
       result.inset_m = static_cast<double>(message.contact.inset_m);
     }
@@ -103,12 +103,21 @@ class Loop {
     return *std::find_if(sent_.begin(), sent_.end(),
                          [&](const ModelUpdate& update) { return update.message.sequence == sequence; });
   }
-  void deliver(const palpate_LocalModel_1_0& message) {
-    std::vector<std::uint8_t> payload(wire::MessageTraits<palpate_LocalModel_1_0>::kMaxBytes);
+  template <class Message>
+  static std::vector<std::uint8_t> payload(const Message& message) {
+    std::vector<std::uint8_t> bytes(wire::MessageTraits<Message>::kMaxBytes);
     std::size_t length = 0;
-    ASSERT_EQ(wire::serialize(message, payload, length), Status::ok);
+    EXPECT_EQ(wire::serialize(message, bytes, length), Status::ok);
+    bytes.resize(length);
+    return bytes;
+  }
+  void deliver(const wire::PackedModel& packed) {
+    for (const auto& part : wire::parts_of(*packed.basis, packed.state.basis_id))
+      ASSERT_EQ(renderer_->accept_part(payload(part)), Status::ok);
+    for (firmware::BasisStore::Event event; renderer_->next_basis_event(event);)
+      EXPECT_EQ(event.status, Status::ok);
     firmware::ModelReport report;
-    ASSERT_EQ(renderer_->accept(std::span(payload).first(length), report), Status::ok);
+    ASSERT_EQ(renderer_->accept(payload(packed.state), report), Status::ok);
   }
 
   Body body_ = block(kSide);
@@ -126,7 +135,7 @@ struct Stiffness {
 };
 
 Stiffness stiffness_at_contact(const Body& body, const ModelUpdate& update) {
-  const palpate_LocalModel_1_0& m = update.message;
+  const wire::ModelContents& m = update.message;
   const auto& corner = body.triangles()[m.contact.triangle];
   std::size_t t = 0;
   while (m.triangle_id.elements[t] != m.contact.triangle) ++t;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -35,26 +34,23 @@ std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
                                         std::span<const SentModel> models, int node) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   std::vector<ReplayedTick> result(ticks.size(), {{kNone, kNone, kNone}, {}});
-  const auto message = std::make_unique<palpate_LocalModel_1_0>();
   for (const SentModel& model : models) {
-    if (wire::deserialize(model.payload, *message) != Status::ok)
-      throw std::invalid_argument("probe: models[" + std::to_string(&model - models.data()) +
-                                  "]: not a local model that can be read");
+    const palpate_ModelState_1_0& state = model.model.state;
     const auto active = std::find_if(ticks.begin(), ticks.end(), [&](const RenderedTick& t) {
-      return t.model_sequence == message->sequence;
+      return t.model_sequence == state.sequence;
     });
     if (active == ticks.end()) continue;  // refused, superseded, or too late
     const auto index = surface_index(model, node);
     // Other kinds begin when they are taken over, with the tip of the tick before.
-    const bool rolled = message->kind == palpate_LocalModel_1_0_KIND_MODES;
-    const std::uint32_t start = rolled ? message->tick : active->tick - 1;
-    ModelReplay replay(*message, ticks[row_from(ticks, start, message->sequence)].tip_m, start);
+    const bool rolled = state.kind == palpate_ModelState_1_0_KIND_MODES;
+    const std::uint32_t start = rolled ? state.tick : active->tick - 1;
+    ModelReplay replay(model.model, ticks[row_from(ticks, start, state.sequence)].tip_m, start);
     // In the background every tick is replayed, with the tip of the next one where a tick was lost; from the
     // swap on the interrupt steps once for each tick that it had.
     for (std::uint32_t tick = start + 1; tick < active->tick; ++tick)
-      (void)replay.step(ticks[row_from(ticks, tick, message->sequence)].tip_m);
+      (void)replay.step(ticks[row_from(ticks, tick, state.sequence)].tip_m);
     for (auto row = static_cast<std::size_t>(active - ticks.begin()); row < ticks.size(); ++row) {
-      if (ticks[row].model_sequence != message->sequence) break;
+      if (ticks[row].model_sequence != state.sequence) break;
       result[row].force_N = replay.step(ticks[row].tip_m).force_N;
       if (index) {
         const Eigen::Vector3d x = replay.surface_node_m(*index);

@@ -6,14 +6,14 @@
 #include <vector>
 
 #include "shared/math/linear.hpp"
-#include "shared/wire/messages.hpp"
+#include "shared/wire/packed_model.hpp"
 
 namespace palpate::host {
 
 // A local model that was sent, as far as it takes to render it again.
 struct SentModel {
-  std::vector<std::uint8_t> payload;  // palpate.LocalModel
-  std::vector<int> nodes;             // surface nodes, the body's own numbers, ascending
+  wire::PackedModel model;
+  std::vector<int> nodes;  // surface nodes, the body's own numbers, ascending
 };
 
 // One servo tick as the board computed it.

@@ -130,17 +130,52 @@ ModelUpdate Session::begin_update() {
   return update;
 }
 
+Session::Model Session::make_model(const SurfacePoint& focus) {
+  Model made;
+  made.model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
+  limit_growth(made.model, config_.valid_ticks * kTick_s);
+  if (made.model.modes() == 0) return made;
+  pack_model(made.model, {sequence_ + 1, tick_, config_.valid_ticks, config_.tip, feedback_->kind()},
+             config_.law, config_.surface, surface_.friction(), contact_, made.contents);
+  made.packed = wire::pack(made.contents);
+  return made;
+}
+
+bool Session::is_held(std::uint32_t basis_id) const {
+  return held_bases_ && std::find(held_bases_->begin(), held_bases_->end(), basis_id) != held_bases_->end();
+}
+
 std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
-  LocalModel model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
-  limit_growth(model, config_.valid_ticks * kTick_s);
-  if (model.modes() == 0) return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
+  Model made = make_model(focus);
+  if (made.model.modes() == 0)
+    return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
+  const bool stays = made.contents.rest_m.count != 0;
+  std::shared_ptr<const std::vector<std::uint8_t>> wanted;
+  std::uint32_t wanted_id = 0;
+  if (stays && is_held(made.packed.state.basis_id)) {
+    focus_of_held_ = focus;
+  } else if (stays && focus_of_held_) {
+    Model before = make_model(*focus_of_held_);
+    const std::vector<int>& triangles = before.model.triangle;
+    const bool has_contact =
+        contact_.mode == ContactMode::free ||
+        std::find(triangles.begin(), triangles.end(), static_cast<int>(contact_.triangle)) != triangles.end();
+    if (has_contact && is_held(before.packed.state.basis_id)) {
+      wanted = made.packed.basis;
+      wanted_id = made.packed.state.basis_id;
+      made = std::move(before);
+    }
+  }
   ModelUpdate update = begin_update();
-  pack_model(model, {sequence_, tick_, config_.valid_ticks, config_.tip, feedback_->kind()}, config_.law,
-             config_.surface, surface_.friction(), contact_, update.message);
-  update.patch_nodes = model.node;
-  update.damping_coupling = model.damping_coupling;
-  update.limited_modes = model.limited_modes;
-  feedback_->sent(model, update.message, surface_.state(), path_.at(tick_));
+  update.message = wire::unpack(made.packed, made.contents);
+  update.packed = std::move(made.packed);
+  update.basis_stays = stays;
+  update.wanted_basis = std::move(wanted);
+  update.wanted_basis_id = wanted_id;
+  update.patch_nodes = made.model.node;
+  update.damping_coupling = made.model.damping_coupling;
+  update.limited_modes = made.model.limited_modes;
+  feedback_->sent(made.model, update.packed, surface_.state(), path_.at(tick_));
   return update;
 }
 
@@ -148,6 +183,7 @@ ModelUpdate Session::send_force() {
   ModelUpdate update = begin_update();
   pack_held_force({sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, contact_,
                   update.message);
+  update.packed = wire::pack(update.message);
   return update;
 }
 

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "host/linearize/model_builder.hpp"
@@ -17,6 +18,7 @@
 #include "host/session/feedback.hpp"
 #include "host/session/tip_history.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/packed_model.hpp"
 
 namespace palpate::host {
 
@@ -38,7 +40,13 @@ struct SessionConfig {
 
 // One local model and what led to it.
 struct ModelUpdate {
-  palpate_LocalModel_1_0 message{};
+  wire::PackedModel packed;     // as it is sent
+  wire::ModelContents message;  // as it arrives
+  // The basis is a constant of body and patch: it need not be sent again with each state.
+  bool basis_stays = false;
+  // A basis that the states to come would have, were it on the board; null: that of `packed`.
+  std::shared_ptr<const std::vector<std::uint8_t>> wanted_basis;
+  std::uint32_t wanted_basis_id = 0;
   BodyState state;               // that was linearized
   std::vector<int> patch_nodes;  // surface nodes, the body's own numbers
   std::uint32_t interpolated_ticks = 0;
@@ -59,6 +67,9 @@ class Session {
   // What to ask the board for again; ticks that were asked for at the update before and still miss are
   // interpolated by update().
   [[nodiscard]] std::vector<TickRange> missing() const { return path_.gaps(); }
+  // Which bases the board holds. From then on, while the basis that a state should have is not there, states
+  // go on with that of the patch before, as long as the contact is on it.
+  void note_held_bases(std::vector<std::uint32_t> ids) { held_bases_ = std::move(ids); }
   // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
   // or the tip is far away. Throws what the builders and the feedback throw.
   std::optional<ModelUpdate> update();
@@ -84,6 +95,13 @@ class Session {
   [[nodiscard]] ModelUpdate begin_update();
   std::optional<ModelUpdate> send_model(const SurfacePoint& focus);
   ModelUpdate send_force();
+  struct Model {
+    LocalModel model;
+    wire::ModelContents contents;
+    wire::PackedModel packed;
+  };
+  Model make_model(const SurfacePoint& focus);
+  [[nodiscard]] bool is_held(std::uint32_t basis_id) const;
 
   const Body& body_;
   SessionConfig config_;
@@ -99,6 +117,8 @@ class Session {
   std::uint32_t tip_tick_ = 0;
   Eigen::Vector3d tip_m_ = Eigen::Vector3d::Zero();
   std::optional<std::uint32_t> requested_until_;  // gaps that end here were asked for at the last update
+  std::optional<std::vector<std::uint32_t>> held_bases_;
+  std::optional<SurfacePoint> focus_of_held_;  // of the newest model whose basis was on the board
   std::vector<Interpolated> interpolated_;
   std::uint32_t interpolated_in_model_ = 0;
 };

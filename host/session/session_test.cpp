@@ -103,7 +103,7 @@ TEST_F(SessionTest, ReplaysThePathAsASimulationOfIt) {
   EXPECT_TRUE(session.missing().empty());
   EXPECT_TRUE(session.interpolated().empty());
   // The contact travels with the model: its triangle is one of the patch's.
-  const palpate_LocalModel_1_0& last = updates.back().message;
+  const wire::ModelContents& last = updates.back().message;
   EXPECT_NE(last.contact.mode, 0u);
   EXPECT_EQ(std::count(last.triangle_id.elements, last.triangle_id.elements + last.triangles,
                        last.contact.triangle),

@@ -86,7 +86,7 @@ class BoardModel {
     const LocalModel model = build_subset_model(
         body, start, nodes, nearest_surface_point(body, start.position_m, near_m), kTick_s);
     const SurfaceFriction friction(body, {.elsewhere = {0.5, 0.4}, .regions = {}});
-    palpate_LocalModel_1_0& m = *message_;
+    wire::ModelContents& m = *message_;
     pack_model(model, {1, 0, 200}, {.tip_radius_m = radius_m}, SurfaceKind::smooth, friction, {}, m);
     view_ = wire::view_of(m);
     for (std::size_t i = 0; i < m.modes; ++i) {
@@ -114,7 +114,7 @@ class BoardModel {
     return Vec3f{static_cast<float>(x.x), static_cast<float>(x.y), static_cast<float>(x.z)} - view_.origin_m;
   }
 
-  std::unique_ptr<palpate_LocalModel_1_0> message_ = std::make_unique<palpate_LocalModel_1_0>();
+  std::unique_ptr<wire::ModelContents> message_ = std::make_unique<wire::ModelContents>();
   LocalModelView view_{};
   ModalState state_{};
   ModalSurface surface_{};

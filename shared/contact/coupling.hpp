@@ -23,7 +23,7 @@ struct Coupling {
   Real damping_N_s_m = 0;
 };
 
-// Where the device's tip is taken to be: values travel over the link (palpate.LocalModel TIP_*).
+// Where the device's tip is taken to be: values travel over the link (palpate.ModelState TIP_*).
 enum class TipSource : std::uint8_t {
   counts = 0,    // where the encoder counts say
   estimated = 1  // estimated between them (shared/device/count_estimator.hpp)

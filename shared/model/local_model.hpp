@@ -13,15 +13,18 @@
 
 namespace palpate {
 
-// Fixed capacities; they equal the array bounds of palpate.LocalModel.1.0 (checked in shared/wire).
+// Fixed capacities; bases and states on the wire are bounded by them (shared/wire).
 inline constexpr std::size_t kMaxModes = 192;  // 64 nodes in 3D: the paper's 4x4x4 patch
 inline constexpr std::size_t kMaxSurfaceNodes = 32;
 inline constexpr std::size_t kMaxTriangles = 96;
 inline constexpr std::size_t kMaxFrictions = 4;  // different pairs of coefficients in one body
-inline constexpr std::size_t kMaxBasis = 9216;   // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
+inline constexpr std::size_t kMaxSprings =
+    192;  // of the near field: all in a patch of 4 x 4 x 2 nodes are 184
+inline constexpr std::size_t kMaxSpringKinds = 16;
+inline constexpr std::size_t kMaxBasis = 9216;  // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
 inline constexpr std::size_t kCoefficientsPerMode = 6;  // a11 a12 a21 a22 b1 b2
 
-// What a local model is to the board. Values travel over the link (palpate.LocalModel KIND_*): never renumber
+// What a local model is to the board. Values travel over the link (palpate.ModelState KIND_*): never renumber
 // them.
 enum class ModelKind : std::uint8_t {
   modes = 0,           // rolled forward from its own tick to now before it is rendered
@@ -32,7 +35,8 @@ enum class ModelKind : std::uint8_t {
 // The constant part of a local model, wherever it is stored. Positions in the device frame minus origin_m.
 struct LocalModelView {
   std::size_t modes = 0;
-  std::size_t nodes = 0;
+  std::size_t nodes = 0;          // those of the surface first, then those below it
+  std::size_t surface_nodes = 0;  // at most `nodes`
   std::size_t triangles = 0;
   SurfaceKind surface = SurfaceKind::smooth;
   Vec3f origin_m{};
@@ -48,6 +52,16 @@ struct LocalModelView {
   const float* load = nullptr;  // modes; constant modal force
   const float* basis_scale = nullptr;   // modes
   const std::int16_t* basis = nullptr;  // (3 nodes) x modes
+  // The near field (near_field.hpp); without springs there is none.
+  std::size_t springs = 0;
+  const float* rest_m = nullptr;              // nodes x 3: where the modes' stiffness is the springs' tangent
+  const std::uint8_t* spring_end = nullptr;   // springs x 2, node indices
+  const std::uint8_t* spring_kind = nullptr;  // springs
+  std::size_t spring_kinds = 0;
+  const float* spring_stiffness_N_m = nullptr;  // spring_kinds
+  const float* spring_damping_N_s_m = nullptr;  // spring_kinds
+  const float* spring_length_m = nullptr;       // spring_kinds, without load
+  float near_relaxation = 1.0f;  // of a step's change of the near field's forces: above 0, at most 1
 };
 
 // The part that changes from tick to tick.

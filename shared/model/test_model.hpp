@@ -93,6 +93,7 @@ struct TestModel {
     }
     view.modes = kModes;
     view.nodes = 4;
+    view.surface_nodes = 4;
     view.triangles = 2;
     view.position_m = position_m.data();
     view.corner = corner.data();

@@ -18,7 +18,9 @@ struct Generated;
 PALPATE_GENERATED(ServoTrace_1_0);
 PALPATE_GENERATED(BoardStatus_1_0);
 PALPATE_GENERATED(ModelReport_1_0);
-PALPATE_GENERATED(LocalModel_1_0);
+PALPATE_GENERATED(BasisReport_1_0);
+PALPATE_GENERATED(ModelPart_1_0);
+PALPATE_GENERATED(ModelState_1_0);
 PALPATE_GENERATED(TraceRequest_1_0);
 PALPATE_GENERATED(Command_Request_1_0);
 PALPATE_GENERATED(Command_Response_1_0);
@@ -32,30 +34,33 @@ constexpr std::size_t kServoSampleBytes = palpate_ServoSample_1_0_SERIALIZATION_
 static_assert(palpate_Contact_1_0_MODE_FREE == static_cast<std::uint8_t>(ContactMode::free));
 static_assert(palpate_Contact_1_0_MODE_STICK == static_cast<std::uint8_t>(ContactMode::stick));
 static_assert(palpate_Contact_1_0_MODE_SLIP == static_cast<std::uint8_t>(ContactMode::slip));
-static_assert(palpate_LocalModel_1_0_KIND_MODES == static_cast<std::uint8_t>(ModelKind::modes));
-static_assert(palpate_LocalModel_1_0_KIND_HELD_FORCE == static_cast<std::uint8_t>(ModelKind::held_force));
-static_assert(palpate_LocalModel_1_0_KIND_MODES_FROM_NOW ==
+static_assert(palpate_ModelState_1_0_KIND_MODES == static_cast<std::uint8_t>(ModelKind::modes));
+static_assert(palpate_ModelState_1_0_KIND_HELD_FORCE == static_cast<std::uint8_t>(ModelKind::held_force));
+static_assert(palpate_ModelState_1_0_KIND_MODES_FROM_NOW ==
               static_cast<std::uint8_t>(ModelKind::modes_from_now));
-static_assert(palpate_LocalModel_1_0_TIP_COUNTS == static_cast<std::uint8_t>(TipSource::counts));
-static_assert(palpate_LocalModel_1_0_TIP_ESTIMATED == static_cast<std::uint8_t>(TipSource::estimated));
+static_assert(palpate_ModelState_1_0_TIP_COUNTS == static_cast<std::uint8_t>(TipSource::counts));
+static_assert(palpate_ModelState_1_0_TIP_ESTIMATED == static_cast<std::uint8_t>(TipSource::estimated));
 
 }  // namespace
 
 // The longest payload less the array entries that are not there.
-std::size_t payload_bytes(const palpate_LocalModel_1_0& message) {
-  return MessageTraits<palpate_LocalModel_1_0>::kMaxBytes -
-         4 * (palpate_LocalModel_1_0_position_m_ARRAY_CAPACITY_ - message.position_m.count) -
-         2 * (palpate_LocalModel_1_0_triangle_id_ARRAY_CAPACITY_ - message.triangle_id.count) -
-         (palpate_LocalModel_1_0_corner_ARRAY_CAPACITY_ - message.corner.count) -
-         (palpate_LocalModel_1_0_triangle_friction_ARRAY_CAPACITY_ - message.triangle_friction.count) -
-         4 * (palpate_LocalModel_1_0_static_friction_ARRAY_CAPACITY_ - message.static_friction.count) -
-         4 * (palpate_LocalModel_1_0_kinetic_friction_ARRAY_CAPACITY_ - message.kinetic_friction.count) -
-         4 * (palpate_LocalModel_1_0_coefficient_ARRAY_CAPACITY_ - message.coefficient.count) -
-         4 * (palpate_LocalModel_1_0_load_ARRAY_CAPACITY_ - message.load.count) -
-         4 * (palpate_LocalModel_1_0_state_q_ARRAY_CAPACITY_ - message.state_q.count) -
-         4 * (palpate_LocalModel_1_0_state_p_ARRAY_CAPACITY_ - message.state_p.count) -
-         4 * (palpate_LocalModel_1_0_basis_scale_ARRAY_CAPACITY_ - message.basis_scale.count) -
-         2 * (palpate_LocalModel_1_0_basis_ARRAY_CAPACITY_ - message.basis.count);
+std::size_t payload_bytes(const palpate_ModelState_1_0& message) {
+  return MessageTraits<palpate_ModelState_1_0>::kMaxBytes -
+         2 * (palpate_ModelState_1_0_displacement_ARRAY_CAPACITY_ - message.displacement.count) -
+         2 * (palpate_ModelState_1_0_load_ARRAY_CAPACITY_ - message.load.count) -
+         2 * (palpate_ModelState_1_0_q_ARRAY_CAPACITY_ - message.q.count) -
+         2 * (palpate_ModelState_1_0_p_ARRAY_CAPACITY_ - message.p.count);
+}
+
+std::size_t payload_bytes(const palpate_ModelPart_1_0& message) {
+  return MessageTraits<palpate_ModelPart_1_0>::kMaxBytes -
+         (palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ - message.data.count);
+}
+
+std::size_t payload_bytes(const palpate_BasisReport_1_0& message) {
+  return MessageTraits<palpate_BasisReport_1_0>::kMaxBytes -
+         (palpate_BasisReport_1_0_missing_ARRAY_CAPACITY_ - message.missing.count) -
+         4 * (palpate_BasisReport_1_0_held_ARRAY_CAPACITY_ - message.held.count);
 }
 
 std::size_t payload_bytes(const palpate_ServoTrace_1_0& message) {
@@ -93,7 +98,9 @@ Status deserialize(std::span<const std::uint8_t> payload, Message& message) {
 PALPATE_INSTANTIATE(ServoTrace_1_0);
 PALPATE_INSTANTIATE(BoardStatus_1_0);
 PALPATE_INSTANTIATE(ModelReport_1_0);
-PALPATE_INSTANTIATE(LocalModel_1_0);
+PALPATE_INSTANTIATE(BasisReport_1_0);
+PALPATE_INSTANTIATE(ModelPart_1_0);
+PALPATE_INSTANTIATE(ModelState_1_0);
 PALPATE_INSTANTIATE(TraceRequest_1_0);
 PALPATE_INSTANTIATE(Command_Request_1_0);
 PALPATE_INSTANTIATE(Command_Response_1_0);

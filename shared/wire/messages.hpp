@@ -5,16 +5,19 @@
 #include <cstdint>
 #include <span>
 
+#include "palpate/BasisReport_1_0.h"
 #include "palpate/BoardStatus_1_0.h"
 #include "palpate/Command_1_0.h"
 #include "palpate/GetInfo_1_0.h"
-#include "palpate/LocalModel_1_0.h"
+#include "palpate/ModelPart_1_0.h"
 #include "palpate/ModelReport_1_0.h"
+#include "palpate/ModelState_1_0.h"
 #include "palpate/ServoTrace_1_0.h"
 #include "palpate/TraceRequest_1_0.h"
 #include "palpate/schema_hash.hpp"  // kSchemaHash
 #include "shared/model/local_model.hpp"
 #include "shared/status.hpp"
+#include "shared/wire/model_basis.hpp"
 #include "shared/wire/ports.hpp"
 
 namespace palpate::wire {
@@ -41,9 +44,17 @@ struct MessageTraits<palpate_ModelReport_1_0>
     : BasicMessageTraits<message_specifier(kModelReportSubject),
                          palpate_ModelReport_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
 template <>
-struct MessageTraits<palpate_LocalModel_1_0>
-    : BasicMessageTraits<message_specifier(kLocalModelSubject),
-                         palpate_LocalModel_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+struct MessageTraits<palpate_BasisReport_1_0>
+    : BasicMessageTraits<message_specifier(kBasisReportSubject),
+                         palpate_BasisReport_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+template <>
+struct MessageTraits<palpate_ModelState_1_0>
+    : BasicMessageTraits<message_specifier(kModelStateSubject),
+                         palpate_ModelState_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+template <>
+struct MessageTraits<palpate_ModelPart_1_0>
+    : BasicMessageTraits<message_specifier(kModelPartSubject),
+                         palpate_ModelPart_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
 template <>
 struct MessageTraits<palpate_TraceRequest_1_0>
     : BasicMessageTraits<message_specifier(kTraceRequestSubject),
@@ -66,11 +77,14 @@ struct MessageTraits<palpate_GetInfo_Response_1_0>
                          palpate_GetInfo_Response_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
 
 // Largest payloads that each side receives: the capacities of their receivers.
-inline constexpr std::size_t kLargestPayloadToBoard = MessageTraits<palpate_LocalModel_1_0>::kMaxBytes;
+inline constexpr std::size_t kLargestPayloadToBoard = MessageTraits<palpate_ModelState_1_0>::kMaxBytes;
+static_assert(kLargestPayloadToBoard >= MessageTraits<palpate_ModelPart_1_0>::kMaxBytes);
 inline constexpr std::size_t kLargestPayloadToHost = MessageTraits<palpate_ServoTrace_1_0>::kMaxBytes;
 
 // Length of the message's payload, from its array counts (which must be within bounds). Any context.
-std::size_t payload_bytes(const palpate_LocalModel_1_0& message);
+std::size_t payload_bytes(const palpate_ModelState_1_0& message);
+std::size_t payload_bytes(const palpate_ModelPart_1_0& message);
+std::size_t payload_bytes(const palpate_BasisReport_1_0& message);
 std::size_t payload_bytes(const palpate_ServoTrace_1_0& message);
 std::size_t payload_bytes(const palpate_GetInfo_Response_1_0& message);
 template <class Message>
@@ -92,18 +106,12 @@ Status serialize(const Message& message, std::span<std::uint8_t> out, std::size_
 template <class Message>
 Status deserialize(std::span<const std::uint8_t> payload, Message& message);
 
-// LocalModel's bounds are the capacities of the runtime.
-static_assert(palpate_LocalModel_1_0_position_m_ARRAY_CAPACITY_ == 3 * kMaxSurfaceNodes);
-static_assert(palpate_LocalModel_1_0_triangle_id_ARRAY_CAPACITY_ == kMaxTriangles);
-static_assert(palpate_LocalModel_1_0_corner_ARRAY_CAPACITY_ == 3 * kMaxTriangles);
-static_assert(palpate_LocalModel_1_0_triangle_friction_ARRAY_CAPACITY_ == kMaxTriangles);
-static_assert(palpate_LocalModel_1_0_static_friction_ARRAY_CAPACITY_ == kMaxFrictions);
-static_assert(palpate_LocalModel_1_0_kinetic_friction_ARRAY_CAPACITY_ == kMaxFrictions);
-static_assert(palpate_LocalModel_1_0_coefficient_ARRAY_CAPACITY_ == kCoefficientsPerMode * kMaxModes);
-static_assert(palpate_LocalModel_1_0_load_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_LocalModel_1_0_state_q_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_LocalModel_1_0_state_p_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_LocalModel_1_0_basis_scale_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_LocalModel_1_0_basis_ARRAY_CAPACITY_ == kMaxBasis);
+// The messages' bounds are the capacities of the runtime.
+static_assert(palpate_ModelState_1_0_displacement_ARRAY_CAPACITY_ == 3 * kMaxSurfaceNodes);
+static_assert(palpate_ModelState_1_0_load_ARRAY_CAPACITY_ == kMaxModes);
+static_assert(palpate_ModelState_1_0_q_ARRAY_CAPACITY_ == kMaxModes);
+static_assert(palpate_ModelState_1_0_p_ARRAY_CAPACITY_ == kMaxModes);
+static_assert((kMaxBasisBytes + palpate_ModelPart_1_0_BLOCK_BYTES - 1) / palpate_ModelPart_1_0_BLOCK_BYTES <=
+              8 * palpate_BasisReport_1_0_missing_ARRAY_CAPACITY_);
 
 }  // namespace palpate::wire

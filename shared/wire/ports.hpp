@@ -14,8 +14,10 @@ inline constexpr std::uint16_t kBroadcast = 0xFFFF;  // as a destination: every 
 inline constexpr std::uint16_t kServoTraceSubject = 1600;    // board to host, palpate.ServoTrace
 inline constexpr std::uint16_t kBoardStatusSubject = 1601;   // board to host, palpate.BoardStatus
 inline constexpr std::uint16_t kModelReportSubject = 1602;   // board to host, palpate.ModelReport
-inline constexpr std::uint16_t kLocalModelSubject = 1610;    // host to board, palpate.LocalModel
+inline constexpr std::uint16_t kBasisReportSubject = 1603;   // board to host, palpate.BasisReport
+inline constexpr std::uint16_t kModelStateSubject = 1610;    // host to board, palpate.ModelState
 inline constexpr std::uint16_t kTraceRequestSubject = 1611;  // host to board, palpate.TraceRequest
+inline constexpr std::uint16_t kModelPartSubject = 1612;     // host to board, palpate.ModelPart
 // Services of the board: a request and its response.
 inline constexpr std::uint16_t kCommandService = 300;  // palpate.Command
 inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo

@@ -71,6 +71,8 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
   result["updates/modes"] = column<std::uint16_t>(updates, [](const UpdateRecord& u) { return u.modes; });
   result["updates/nodes"] = column<std::uint8_t>(updates, [](const UpdateRecord& u) { return u.nodes; });
   result["updates/bytes"] = column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.bytes; });
+  result["updates/basis_bytes"] =
+      column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.basis_bytes; });
   result["updates/interpolated_ticks"] =
       column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.interpolated_ticks; });
   result["updates/interpolation_error_m"] =

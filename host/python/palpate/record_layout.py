@@ -101,7 +101,8 @@ UPDATES = (
     _update("status", "u1", "", "the board's palpate::Status of it; 255: the board never said"),
     _update("modes", "u2", "", "number of modes"),
     _update("nodes", "u1", "", "number of surface nodes"),
-    _update("bytes", "u4", "bytes", "length of its frame on the link"),
+    _update("bytes", "u4", "bytes", "length of its state's frame on the link"),
+    _update("basis_bytes", "u4", "bytes", "length of the frames with pieces of bases since the state before"),
     _update(
         "interpolated_ticks",
         "u4",

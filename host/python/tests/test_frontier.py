@@ -60,7 +60,8 @@ def made_up_record(ticks: int = 100) -> tuple[dict[str, Any], dict[str, Any]]:
         "updates/status": np.array([0], dtype=np.uint8),
         "updates/tick": np.array([10]),
         "updates/swap_tick": np.array([50]),
-        "updates/bytes": np.array([7000]),
+        "updates/bytes": np.array([400]),
+        "updates/basis_bytes": np.array([6600]),
         "updates/modes": np.array([48]),
     }
     return record, {"reference/force_N": force_N, "reference/contact_mode": mode.copy()}
@@ -131,6 +132,7 @@ def test_models_that_were_not_taken_are_counted() -> None:
         "updates/tick": np.array([10, 40, 70]),
         "updates/swap_tick": np.array([50, 0, 0]),
         "updates/bytes": np.array([1, 3, 2]),
+        "updates/basis_bytes": np.zeros(3, int),
         "updates/modes": np.array([48, 96, 48]),
     }
     found = measure(record, reference, 5)

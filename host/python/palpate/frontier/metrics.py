@@ -135,7 +135,7 @@ def measure(record: Record, reference: Record, instructions_per_count: int | Non
         "models_not_taken": int(np.count_nonzero(~taken)),
         "late_ticks": _spread(swap_tick - record["updates/tick"][swapped].astype(np.int64)),
         "catch_up_ticks": _spread(catch_up_ticks(record["ticks/catch_up_ticks"], swap_rows)),
-        "model_bytes": float(np.median(record["updates/bytes"])) if sent else None,
+        "model_bytes": float(np.median(record["updates/bytes"] + record["updates/basis_bytes"])) if sent else None,
         "modes": int(record["updates/modes"].max()) if sent else None,
         "link_up_bytes_per_s": float(record["ticks/link_up_bytes"].sum(dtype=np.int64)) / duration_s,
         "link_down_bytes_per_s": float(record["ticks/link_down_bytes"].sum(dtype=np.int64)) / duration_s,
