@@ -63,7 +63,7 @@ def _draw_panels(
         plain = [place for place in shown if place.point.point.sweep is None]
         _draw_numbers(panel, plain, [numbers[place.point.point.builder.name] for place in plain])
         _percent_axis(panel)
-        panel.margins(x=0.12, y=0.08)
+        panel.margins(x=0.2, y=0.08)
         panel.set_xlim(left=0.0)
         panel.set_xlabel(label, fontsize=8)
     axes[0, 0].set_ylabel("force error [%]")
