@@ -10,7 +10,7 @@ namespace palpate::host {
 namespace {
 
 // Raised when bases mean something else than before.
-constexpr std::uint32_t kReductionVersion = 1;
+constexpr std::uint32_t kReductionVersion = 2;
 
 void add(Hash128& hash, const Eigen::Ref<const Eigen::MatrixXd>& matrix) {
   for (Eigen::Index c = 0; c < matrix.cols(); ++c)
@@ -61,13 +61,15 @@ void Hash128::add(std::span<const std::byte> bytes) {
   }
 }
 
-BasisKeys::BasisKeys(const Body& body, const std::vector<double>& shift_rad_s) {
+BasisKeys::BasisKeys(const Body& body, const Shifts& shifts) {
   static const BasisKey here = arithmetic();
   Hash128 hash;
   hash.add(kReductionVersion);
   add(hash, here);
-  hash.add(shift_rad_s.size());
-  for (const double shift : shift_rad_s) hash.add(shift);
+  for (const std::vector<double>& list : {shifts.all_rad_s, shifts.middle_rad_s}) {
+    hash.add(list.size());
+    for (const double shift : list) hash.add(shift);
+  }
   hash.add(body.planar());
   hash.add(body.node_count());
   for (int node = 0; node < body.node_count(); ++node) {

@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "host/linearize/whole_body_basis.hpp"
 #include "host/msd/body.hpp"
 
 namespace palpate::host {
@@ -29,7 +30,7 @@ class BasisKeys {
   // Hashes masses, rest positions, fixed nodes, springs and plane of the body, the frequencies, and the
   // reduction itself: its version, and the bits that it gives for a small body here, which tell processors
   // and libraries with other rounding apart. Gravity has no part in a basis.
-  BasisKeys(const Body& body, const std::vector<double>& shift_rad_s);
+  BasisKeys(const Body& body, const Shifts& shifts);
 
   // For ports in their order.
   [[nodiscard]] BasisKey of(const std::vector<int>& ports) const;

@@ -26,8 +26,8 @@ struct BasisPolicy {
 class BasisSource {
  public:
   // As BasisStore.
-  BasisSource(const Body& body, const std::vector<double>& shift_rad_s, const BasisPolicy& policy)
-      : policy_(policy), schedule_(policy.latency_ticks), store_(body, shift_rad_s, policy.cache) {}
+  BasisSource(const Body& body, const Shifts& shifts, const BasisPolicy& policy)
+      : policy_(policy), schedule_(policy.latency_ticks), store_(body, shifts, policy.cache) {}
 
   // What the session wants from this tick on, the most urgent first.
   void want(std::uint32_t tick, const std::vector<Ports>& wanted);

@@ -4,10 +4,9 @@
 
 namespace palpate::host {
 
-BasisStore::BasisStore(const Body& body, std::vector<double> shift_rad_s,
-                       std::optional<BasisCacheConfig> cache)
-    : body_(body), shift_rad_s_(std::move(shift_rad_s)) {
-  require_shifts(shift_rad_s_);
+BasisStore::BasisStore(const Body& body, Shifts shifts, std::optional<BasisCacheConfig> cache)
+    : body_(body), shifts_(std::move(shifts)) {
+  require_shifts(shifts_);
   if (cache) cache_.emplace(std::move(*cache));
 }
 
@@ -105,9 +104,8 @@ void BasisStore::work() {
 
 std::shared_ptr<const StoredBasis> BasisStore::make(const Ports& ports) {
   if (cache_) {
-    if (!keys_) keys_.emplace(body_, shift_rad_s_);
-    const auto most_modes =
-        static_cast<Eigen::Index>(body_.axes().size() * ports.size() * shift_rad_s_.size());
+    if (!keys_) keys_.emplace(body_, shifts_);
+    const auto most_modes = static_cast<Eigen::Index>(shifts_.most_modes(static_cast<int>(ports.size())));
     std::string refusal;
     auto kept = cache_->load(keys_->of(ports), body_.dof_count(), most_modes, refusal);
     const std::lock_guard lock(mutex_);
@@ -120,7 +118,7 @@ std::shared_ptr<const StoredBasis> BasisStore::make(const Ports& ports) {
       return std::make_shared<const StoredBasis>(std::move(*kept));
     }
   }
-  if (!reduction_) reduction_ = std::make_unique<WholeBodyReduction>(body_, shift_rad_s_);
+  if (!reduction_) reduction_ = std::make_unique<WholeBodyReduction>(body_, shifts_);
   auto made = std::make_shared<const StoredBasis>(stored(reduction_->reduce(ports)));
   std::string problem;
   if (cache_) problem = cache_->save(keys_->of(ports), *made);

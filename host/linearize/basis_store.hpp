@@ -23,7 +23,7 @@
 
 namespace palpate::host {
 
-using Ports = std::vector<int>;  // nodes, in the order of a patch's surface
+using Ports = std::vector<int>;  // nodes, those in the middle first
 
 // Where bases came from.
 struct BasisCounts {
@@ -41,8 +41,7 @@ class BasisStore {
 
   // The body must outlive it. Without a cache there are no files. Throws std::invalid_argument for
   // frequencies as WholeBodyReduction does. The body is factored when the first basis is computed.
-  BasisStore(const Body& body, std::vector<double> shift_rad_s,
-             std::optional<BasisCacheConfig> cache = std::nullopt);
+  BasisStore(const Body& body, Shifts shifts, std::optional<BasisCacheConfig> cache = std::nullopt);
   // Waits for the basis that is being computed.
   ~BasisStore();
   BasisStore(const BasisStore&) = delete;
@@ -72,7 +71,7 @@ class BasisStore {
   std::shared_ptr<const StoredBasis> make(const Ports& ports);
 
   const Body& body_;
-  const std::vector<double> shift_rad_s_;
+  const Shifts shifts_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;  // by either side
   std::list<Entry> bases_;           // latest used first

@@ -16,6 +16,13 @@ namespace {
 // the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
 constexpr double kUnchanged = 3e-2;
 
+// The surface nodes of a model that has no more modes than the capacity.
+int most_ports(const Shifts& shifts, const LocalModelCapacity& capacity) {
+  int ports = capacity.surface_nodes;
+  while (ports > 0 && shifts.most_modes(ports) > capacity.modes) --ports;
+  return ports;
+}
+
 struct Reduced {
   Eigen::MatrixXd stiffness, damping;  // modes x modes
 };
@@ -60,24 +67,21 @@ void set_dofs(LocalModel& model, const Body& body, const StoredBasis& span, cons
 
 }  // namespace
 
-KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
-                             const std::vector<double>& shift_rad_s, double step_s,
-                             const LocalModelCapacity& capacity, const BasisPolicy& bases)
+KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at, const Shifts& shifts,
+                             double step_s, const LocalModelCapacity& capacity, const BasisPolicy& bases)
     : body_(body),
       at_(at),
       step_s_(step_s),
       capacity_(capacity),
-      port_limit_(std::min(capacity.surface_nodes,
-                           capacity.modes / (3 * std::max(1, static_cast<int>(shift_rad_s.size()))))),
-      patches_(body, patch, port_limit_, shift_rad_s, bases),
+      port_limit_(most_ports(shifts, capacity)),
+      patches_(body, patch, port_limit_, shifts, bases),
       forces_(body),
       excitation_(body.dof_count(), 2),
       bent_(body) {
   if (port_limit_ < patch.along_first * patch.along_second)
     throw std::invalid_argument(
-        "the local model has 3 modes for each of " + std::to_string(patch.along_first * patch.along_second) +
-        " surface nodes and " + std::to_string(shift_rad_s.size()) + " frequencies, allowed: at most " +
-        std::to_string(capacity.modes) + " in all");
+        "the local model has " + std::to_string(shifts.most_modes(patch.along_first * patch.along_second)) +
+        " modes, 3 for each surface node and frequency, allowed: at most " + std::to_string(capacity.modes));
 }
 
 std::uint32_t KrylovBuilder::foresight_ticks() const {
@@ -139,10 +143,11 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
                                 " is driven: the whole body's modes do not know driven nodes");
   const PatchBasis* patch = patches_.at(contact);
   if (patch == nullptr) return {};
-  const auto& [nodes, ports, span] = *patch;
+  const std::vector<int>& nodes = patch->nodes;
+  const std::shared_ptr<const StoredBasis>& span = patch->span;
   // All surface nodes of the patch are ports, so that the basis can be used again; where the model has no
   // room for all of them, it has those nearest to the contact.
-  SubsetSurface surface = ports;
+  SubsetSurface surface = patch->surface;
   const Eigen::Index count = span->lambda_rad2_s2.size();
   if (surface_limit(capacity_, count) < static_cast<int>(surface.node.size()))
     surface = subset_surface(body_, nodes, contact, surface_limit(capacity_, count));

@@ -25,10 +25,9 @@ namespace palpate::host {
 
 class KrylovBuilder final : public ModelBuilder {
  public:
-  // The body must outlive it. at: whose stiffness and damping. shift_rad_s as for WholeBodyReduction.
+  // The body must outlive it. at: whose stiffness and damping. shifts as for WholeBodyReduction.
   // Throws as it does, and where a patch of this size may have more modes than the capacity.
-  KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at,
-                const std::vector<double>& shift_rad_s, double step_s,
+  KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at, const Shifts& shifts, double step_s,
                 const LocalModelCapacity& capacity = {}, const BasisPolicy& bases = {});
 
   [[nodiscard]] std::uint32_t foresight_ticks() const override;

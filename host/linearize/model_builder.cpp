@@ -35,7 +35,8 @@ std::unique_ptr<ModelBuilder> make_builder(const Body& body, const BuilderConfig
     case Builder::condensed:
       return std::make_unique<SurroundedPatchBuilder>(body, config.patch, SurroundedBy::condensed, step_s);
     case Builder::krylov:
-      return std::make_unique<KrylovBuilder>(body, config.patch, config.tangent, config.shift_rad_s, step_s,
+      return std::make_unique<KrylovBuilder>(body, config.patch, config.tangent,
+                                             Shifts(config.shift_rad_s, config.middle_shift_rad_s), step_s,
                                              LocalModelCapacity{}, config.bases);
   }
   throw std::invalid_argument("builder: unknown");

@@ -56,9 +56,10 @@ enum class TangentAt { rest, frame };
 struct BuilderConfig {
   Builder builder = Builder::patch;
   PatchSize patch{};
-  TangentAt tangent = TangentAt::frame;  // of krylov; a patch has the frame's
-  std::vector<double> shift_rad_s;       // of krylov
-  BasisPolicy bases{};                   // of krylov
+  TangentAt tangent = TangentAt::frame;      // of krylov; a patch has the frame's
+  std::vector<double> shift_rad_s;           // of krylov
+  std::vector<double> middle_shift_rad_s{};  // of krylov, of the nodes of the contact's cell only
+  BasisPolicy bases{};                       // of krylov
 };
 
 // The body must outlive the builder. Models step by step_s. Throws as the builders do.

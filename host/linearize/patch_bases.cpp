@@ -9,13 +9,19 @@ PatchBasis PatchBases::wanted(const SurfacePoint& contact) const {
   PatchBasis patch;
   patch.nodes = select_patch(body_, contact, size_);
   patch.surface = subset_surface(body_, patch.nodes, contact, port_limit_);
+  patch.ports = patch.surface.node;
+  if (middle_) {
+    const std::vector<int> cell = cell_face(body_, contact.triangle);
+    std::stable_partition(patch.ports.begin(), patch.ports.end(),
+                          [&](int node) { return std::find(cell.begin(), cell.end(), node) != cell.end(); });
+  }
   return patch;
 }
 
 void PatchBases::foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts) {
   std::vector<Ports> ports;
   for (const SurfacePoint& contact : contacts) {
-    Ports next = wanted(contact).surface.node;
+    Ports next = wanted(contact).ports;
     if (std::find(ports.begin(), ports.end(), next) == ports.end()) ports.push_back(std::move(next));
   }
   source_.want(tick, ports);
@@ -23,7 +29,7 @@ void PatchBases::foresee(std::uint32_t tick, std::span<const SurfacePoint> conta
 
 const PatchBasis* PatchBases::at(const SurfacePoint& contact) {
   PatchBasis patch = wanted(contact);
-  patch.span = source_.find(patch.surface.node);
+  patch.span = source_.find(patch.ports);
   if (patch.span) {
     last_ = std::move(patch);
     return &last_;

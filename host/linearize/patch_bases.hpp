@@ -18,6 +18,7 @@ namespace palpate::host {
 struct PatchBasis {
   std::vector<int> nodes;  // of the patch
   SubsetSurface surface;   // whose nodes are the ports
+  Ports ports;             // in the basis's order
   std::shared_ptr<const StoredBasis> span;
 };
 
@@ -25,9 +26,13 @@ class PatchBases {
  public:
   // A patch has at most port_limit ports: at the body's edges, where more nodes are on the surface, those
   // nearest to the contact. The body must outlive it. Throws as BasisSource does.
-  PatchBases(const Body& body, const PatchSize& size, int port_limit, const std::vector<double>& shift_rad_s,
+  PatchBases(const Body& body, const PatchSize& size, int port_limit, const Shifts& shifts,
              const BasisPolicy& policy)
-      : body_(body), size_(size), port_limit_(port_limit), source_(body, shift_rad_s, policy) {}
+      : body_(body),
+        size_(size),
+        port_limit_(port_limit),
+        middle_(!shifts.middle_rad_s.empty()),
+        source_(body, shifts, policy) {}
 
   // The contacts that are there or expected, the most urgent first. Once before the patches of a tick.
   void foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts);
@@ -46,6 +51,7 @@ class PatchBases {
   const Body& body_;
   PatchSize size_;
   int port_limit_;
+  bool middle_;  // the ports in the middle have frequencies of their own
   BasisSource source_;
   PatchBasis last_;
   std::size_t waits_ = 0;

@@ -42,6 +42,24 @@ Face face_of_triangle(const Body& body, int triangle) {
   throw std::invalid_argument("triangle " + std::to_string(triangle) + " lies on no face of the lattice");
 }
 
+std::vector<int> cell_face(const Body& body, int triangle) {
+  (void)face_of_triangle(body, triangle);
+  const LatticeShape& lattice = lattice_of(body);
+  std::array<int, 3> low = lattice.coordinates(triangle_of(body, triangle)[0]), high = low;
+  for (const int node : triangle_of(body, triangle)) {
+    const std::array<int, 3> ijk = lattice.coordinates(node);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], ijk[axis]);
+      high[axis] = std::max(high[axis], ijk[axis]);
+    }
+  }
+  std::vector<int> nodes;
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i) nodes.push_back(lattice.node(i, j, k));
+  return nodes;
+}
+
 std::vector<int> select_patch(const Body& body, const SurfacePoint& contact, const PatchSize& size) {
   const LatticeShape& lattice = lattice_of(body);
   const Triangle& corners = triangle_of(body, contact.triangle);

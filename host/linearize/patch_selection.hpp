@@ -22,6 +22,10 @@ struct PatchSize {
 // lattice or has no such triangle.
 Face face_of_triangle(const Body& body, int triangle);
 
+// The four nodes, ascending, of the face of the lattice's cell that a surface triangle is half of. Throws as
+// face_of_triangle.
+std::vector<int> cell_face(const Body& body, int triangle);
+
 // Nodes of the box of lattice nodes that is centred on the contact point (in the undeformed lattice), starts
 // at the face the triangle belongs to, and is shifted as little as needed to lie within the lattice.
 // Ascending. Fixed nodes belong to it. Throws std::invalid_argument for a patch that is larger than the

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -128,6 +129,20 @@ TEST(SubsetSurface, KeepsTheNearestTrianglesWithinTheLimit) {
   EXPECT_GT(subset_surface(body, nodes, contact, 16).triangle.size(), 14U);
   EXPECT_THROW(subset_surface(body, nodes, contact, 2), std::invalid_argument);
   EXPECT_THROW(subset_surface(body, nodes, point_at(body, 0, 0, 0.11), 32), std::invalid_argument);
+}
+
+TEST(PatchSelection, ACellFaceIsThatOfBothItsTriangles) {
+  const Body body = make_lattice(test::reference_spec(5));
+  std::map<std::vector<int>, int> faces;
+  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
+    const std::vector<int> nodes = cell_face(body, static_cast<int>(t));
+    ASSERT_EQ(nodes.size(), 4U);
+    for (const int corner : body.triangles()[t])
+      EXPECT_TRUE(std::binary_search(nodes.begin(), nodes.end(), corner));
+    ++faces[nodes];
+  }
+  EXPECT_EQ(faces.size(), 6U * 16U);
+  for (const auto& [nodes, triangles] : faces) EXPECT_EQ(triangles, 2);
 }
 
 }  // namespace

@@ -65,26 +65,26 @@ Eigen::MatrixXd whitening(const Eigen::MatrixXd& gram) {
 
 }  // namespace
 
-void require_shifts(const std::vector<double>& shift_rad_s) {
-  if (shift_rad_s.empty()) throw std::invalid_argument("a reduction of the whole body needs a frequency");
-  for (std::size_t i = 0; i < shift_rad_s.size(); ++i)
-    if (!std::isfinite(shift_rad_s[i]) || shift_rad_s[i] < (i == 0 ? 0.0 : shift_rad_s[i - 1] * (1.0 + 1e-6)))
-      throw std::invalid_argument("frequency " + std::to_string(shift_rad_s[i]) +
-                                  " rad/s, allowed: finite, not negative, ascending");
+void require_shifts(const Shifts& shifts) {
+  if (shifts.all_rad_s.empty())
+    throw std::invalid_argument("a reduction of the whole body needs a frequency");
+  for (const std::vector<double>& list : {shifts.all_rad_s, shifts.middle_rad_s})
+    for (std::size_t i = 0; i < list.size(); ++i)
+      if (!std::isfinite(list[i]) || list[i] < (i == 0 ? 0.0 : list[i - 1] * (1.0 + 1e-6)))
+        throw std::invalid_argument("frequency " + std::to_string(list[i]) +
+                                    " rad/s, allowed: finite, not negative, ascending");
 }
 
 struct WholeBodyReduction::Factors {
   Eigen::VectorXd root_mass;
-  Sparse stiffness, damping;  // mass-normalized
-  std::vector<double> shift_rad_s;
-  std::vector<std::unique_ptr<Cholesky>> factor;  // of each shift
+  Sparse stiffness, damping;                                     // mass-normalized
+  std::vector<std::unique_ptr<Cholesky>> factor, middle_factor;  // of each frequency
 };
 
-WholeBodyReduction::WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s)
+WholeBodyReduction::WholeBodyReduction(const Body& body, const Shifts& shifts)
     : body_(body), factors_(std::make_unique<Factors>()) {
-  require_shifts(shift_rad_s);
+  require_shifts(shifts);
   Factors& f = *factors_;
-  f.shift_rad_s = shift_rad_s;
   f.root_mass.resize(body.dof_count());
   for (int node = 0; node < body.node_count(); ++node)
     for (const int axis : body.axes())
@@ -95,14 +95,17 @@ WholeBodyReduction::WholeBodyReduction(const Body& body, const std::vector<doubl
   f.damping = scale * Sparse(-tangent_at_rest.df_dv_N_s_m) * scale;
   Sparse identity(body.dof_count(), body.dof_count());
   identity.setIdentity();
-  for (const double s : shift_rad_s) {
-    f.factor.push_back(std::make_unique<Cholesky>());
+  const auto factor = [&](double s) {
+    auto result = std::make_unique<Cholesky>();
     const Sparse shifted = f.stiffness + s * f.damping + s * s * identity;
-    f.factor.back()->compute(shifted);
-    if (f.factor.back()->info() != Eigen::Success)
+    result->compute(shifted);
+    if (result->info() != Eigen::Success)
       throw std::invalid_argument(
           "the body has a motion that no spring resists: it has no static answer to a force");
-  }
+    return result;
+  };
+  for (const double s : shifts.all_rad_s) f.factor.push_back(factor(s));
+  for (const double s : shifts.middle_rad_s) f.middle_factor.push_back(factor(s));
 }
 
 WholeBodyReduction::~WholeBodyReduction() = default;
@@ -111,7 +114,9 @@ WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
   const Factors& f = *factors_;
   const std::vector<int> ports = dofs_of(body_, nodes);
   const auto count = static_cast<Eigen::Index>(ports.size());
-  const auto shifts = static_cast<Eigen::Index>(f.factor.size());
+  const std::vector<int> middle(nodes.begin(),
+                                nodes.begin() + std::min(std::ssize(nodes), std::ptrdiff_t{kMiddlePorts}));
+  const auto middle_count = std::ssize(dofs_of(body_, middle));
   WholeBodyBasis reduced;
   if (count == 0) {
     reduced.basis_1_sqrt_kg.resize(body_.dof_count(), 0);
@@ -119,9 +124,20 @@ WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
   }
   Eigen::MatrixXd forces = Eigen::MatrixXd::Zero(body_.dof_count(), count);
   for (Eigen::Index p = 0; p < count; ++p) forces(ports[static_cast<std::size_t>(p)], p) = 1.0;
-  Eigen::MatrixXd answers(body_.dof_count(), count * shifts);
-  for (Eigen::Index i = 0; i < shifts; ++i)
-    answers.middleCols(i * count, count) = f.factor[static_cast<std::size_t>(i)]->solve(forces);
+  Eigen::MatrixXd answers(body_.dof_count(),
+                          count * std::ssize(f.factor) + middle_count * std::ssize(f.middle_factor));
+  Eigen::Index next = 0;
+  for (const auto& factor : f.factor) {
+    answers.middleCols(next, count) = factor->solve(forces);
+    next += count;
+  }
+  if (middle_count > 0) {
+    const Eigen::MatrixXd middle_forces = forces.leftCols(middle_count);
+    for (const auto& factor : f.middle_factor) {
+      answers.middleCols(next, middle_count) = factor->solve(middle_forces);
+      next += middle_count;
+    }
+  }
   answers.colwise().normalize();
 
   // Twice: what rounding leaves of other directions in a short one is as large as that, and goes the second

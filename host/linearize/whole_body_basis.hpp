@@ -9,7 +9,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <initializer_list>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "host/msd/body.hpp"
@@ -23,20 +26,38 @@ struct WholeBodyBasis {
   Eigen::MatrixXd basis_1_sqrt_kg;  // Phi: degrees of freedom x modes
 };
 
-// Throws std::invalid_argument for frequencies that are not real, not negative and ascending, or none.
-void require_shifts(const std::vector<double>& shift_rad_s);
+// The frequencies s, in rad / s: those at which all nodes are answered, and those at which only the first
+// kMiddlePorts are: the nodes in the middle, where the contact is, need more of them than those around.
+inline constexpr int kMiddlePorts = 4;
+struct Shifts {
+  Shifts(std::vector<double> all, std::vector<double> middle = {})
+      : all_rad_s(std::move(all)), middle_rad_s(std::move(middle)) {}
+  Shifts(std::initializer_list<double> all) : all_rad_s(all) {}
+
+  // The most modes that so many nodes can have, with 3 degrees of freedom each.
+  [[nodiscard]] int most_modes(int nodes) const {
+    return 3 * (nodes * static_cast<int>(all_rad_s.size()) +
+                std::min(nodes, kMiddlePorts) * static_cast<int>(middle_rad_s.size()));
+  }
+
+  std::vector<double> all_rad_s, middle_rad_s;
+};
+
+// Throws std::invalid_argument for frequencies that are not real, not negative and ascending, or none for
+// all.
+void require_shifts(const Shifts& shifts);
 
 // Factors of the body at rest, once for each frequency. One object per thread. The body must outlive it.
 class WholeBodyReduction {
  public:
   // Throws as require_shifts, and std::invalid_argument for a body with a motion that no spring resists.
-  WholeBodyReduction(const Body& body, const std::vector<double>& shift_rad_s);
+  WholeBodyReduction(const Body& body, const Shifts& shifts);
   ~WholeBodyReduction();
   WholeBodyReduction(const WholeBodyReduction&) = delete;
   WholeBodyReduction& operator=(const WholeBodyReduction&) = delete;
 
-  // At most as many modes as the nodes have degrees of freedom times there are frequencies; fewer where some
-  // say the same. Fixed nodes are left out. No free node: no modes.
+  // At most Shifts::most_modes; fewer where some say the same. Fixed nodes are left out. No free node: no
+  // modes.
   [[nodiscard]] WholeBodyBasis reduce(const std::vector<int>& nodes) const;
 
  private:

@@ -120,6 +120,22 @@ TEST_F(WholeBody, MoreFrequenciesAnswerBetter) {
   EXPECT_LT(three, 0.5 * two);
 }
 
+TEST_F(WholeBody, FrequenciesOfTheMiddleAnswerExactlyForItsNodes) {
+  const Dense full = dense(body_);
+  const LatticeShape& lattice = *body_.lattice();
+  std::vector<int> nodes = nodes_;
+  for (const auto& [i, j] : {std::pair{1, 1}, std::pair{4, 4}}) nodes.push_back(lattice.node(i, j, 5));
+  const WholeBodyBasis basis = WholeBodyReduction(body_, Shifts({0.0}, {k20Hz_rad_s})).reduce(nodes);
+  EXPECT_EQ(basis.basis_1_sqrt_kg.cols(), Shifts({0.0}, {k20Hz_rad_s}).most_modes(6));
+  const Eigen::MatrixXd still = compliance(full, 0.0, dofs_of(body_, nodes));
+  EXPECT_LT((compliance(basis, 0.0, dofs_of(body_, nodes)) - still).norm(), kRounding * still.norm());
+  const Eigen::MatrixXd exact = compliance(full, k20Hz_rad_s, dofs_);
+  EXPECT_LT((compliance(basis, k20Hz_rad_s, dofs_) - exact).norm(), kRounding * exact.norm());
+  const std::vector<int> outer = dofs_of(body_, {nodes[5]});
+  const Eigen::MatrixXd there = compliance(full, k20Hz_rad_s, outer);
+  EXPECT_GT((compliance(basis, k20Hz_rad_s, outer) - there).norm(), 1e-4 * there.norm());
+}
+
 TEST_F(WholeBody, NodesThatSayTheSameAreDropped) {
   // The whole body as ports: there are no more modes than degrees of freedom.
   const Body small = cube(3);
@@ -139,6 +155,7 @@ TEST_F(WholeBody, RefusesWhatHasNoAnswer) {
   EXPECT_THROW(WholeBodyReduction(body_, {}), std::invalid_argument);
   EXPECT_THROW(WholeBodyReduction(body_, {-1.0}), std::invalid_argument);
   EXPECT_THROW(WholeBodyReduction(body_, {20.0, 20.0}), std::invalid_argument);
+  EXPECT_THROW(WholeBodyReduction(body_, Shifts({0.0}, {30.0, 20.0})), std::invalid_argument);
   EXPECT_THROW(WholeBodyReduction(body_, {std::nan("")}), std::invalid_argument);
 }
 

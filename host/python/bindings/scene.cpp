@@ -204,6 +204,8 @@ host::BuilderConfig read_model(const nb::dict& model) {
   config.patch = {patch[0], patch[1], patch[2]};
   for (const double shift_Hz : nb::cast<std::vector<double>>(model["shifts_Hz"]))
     config.shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
+  for (const double shift_Hz : nb::cast<std::vector<double>>(model["middle_shifts_Hz"]))
+    config.middle_shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
   return config;
 }
 

@@ -289,18 +289,19 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
     shifts_Hz = scene.model.shifts_Hz
     if not shifts_Hz:
         raise reader.error("model.shifts_Hz", [], "at least one frequency")
-    for i in range(1, len(shifts_Hz)):
-        if shifts_Hz[i] <= shifts_Hz[i - 1]:
-            raise reader.error(
-                f"model.shifts_Hz[{i}]", shifts_Hz[i], f"greater than the previous one, {shifts_Hz[i - 1]:g} Hz"
-            )
+    for name, ascending in (("shifts_Hz", shifts_Hz), ("middle_shifts_Hz", scene.model.middle_shifts_Hz)):
+        for i in range(1, len(ascending)):
+            if ascending[i] <= ascending[i - 1]:
+                raise reader.error(
+                    f"model.{name}[{i}]", ascending[i], f"greater than the previous one, {ascending[i - 1]:g} Hz"
+                )
     largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
-    if 3 * largest_face * len(shifts_Hz) > MAX_MODES:
+    if 3 * largest_face * len(shifts_Hz) + 12 * len(scene.model.middle_shifts_Hz) > MAX_MODES:
         raise reader.error(
             "model.shifts_Hz",
             list(shifts_Hz),
-            f"so few that 3 modes for each of them and of the {largest_face} nodes of a face of the patch are at most "
-            f"{MAX_MODES}",
+            f"so few that 3 modes for each of them and of the {largest_face} nodes of a face of the patch, and 12 for each of "
+            f"model.middle_shifts_Hz, are at most {MAX_MODES}",
         )
 
 

@@ -252,6 +252,12 @@ class Model:
         unit="Hz",
         default=(0.0,),
     )
+    middle_shifts_Hz: tuple[float, ...] = key(
+        ListOf(Number(0.0, 1000.0), 4),
+        "`krylov`: further such frequencies, ascending, of the four nodes of the contact's cell only; 12 modes for each",
+        unit="Hz",
+        default=(),
+    )
     basis_latency_ticks: int = key(
         Integer(0, 60_000),
         "virtual time that the modes of a patch take to compute, one patch at a time; until then the patch before is used "

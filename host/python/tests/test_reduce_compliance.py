@@ -55,6 +55,9 @@ def test_models_of_the_whole_body_are_exact_at_rest_and_better_with_more_frequen
     assert at_rest["condensed"].at_node[0] < ROUNDING
     largest = [at_rest[f"krylov, frame, {shifts} Hz"].at_node.max() for shifts in ("0", "0, 20", "0, 20, 150")]
     assert largest[0] > 3 * largest[1] > 9 * largest[2] > 0
+    middle = at_rest["krylov, frame, 0 + 20, 40, 300 Hz"]
+    assert (middle.modes, middle.basis) == (84, 4032)
+    assert max(middle.at_node.max(), middle.between_nodes.max()) < 0.02
     for name, one in at_rest.items():
         assert one.basis == 3 * 16 * one.modes
         if name.startswith("krylov"):
@@ -79,10 +82,10 @@ def test_growing_modes_are_counted() -> None:
 
 
 def test_candidates_fit_the_lattice_and_the_board() -> None:
-    own = {"builder": "krylov", "tangent": "rest", "patch_nodes": [5, 5, 2], "shifts_Hz": [0.0, 7.0]}
+    own = {"builder": "krylov", "tangent": "rest", "patch_nodes": [5, 5, 2], "shifts_Hz": [0.0, 7.0], "middle_shifts_Hz": [9.0]}
     found = candidates(own, (12, 4, 12), 192, pressed=False)
     assert all(one["patch_nodes"] == [5, 4, 2] for one in found)
-    assert found[0]["shifts_Hz"] == [0.0, 7.0]
+    assert (found[0]["shifts_Hz"], found[0]["middle_shifts_Hz"]) == ([0.0, 7.0], [9.0])
     assert [0.0, 20.0, 150.0] in [one["shifts_Hz"] for one in found]
     assert all(len(one["shifts_Hz"]) < 3 for one in candidates(own, (12, 12, 12), 192, pressed=False))
     pressed = candidates(own, (12, 12, 12), 192, pressed=True)

@@ -520,6 +520,10 @@ BAD = {
         GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = [20.0, 0.0]",
         "scene.toml: model.shifts_Hz[1] = 0: must be greater than the previous one, 20 Hz",
     ),
+    "krylov with frequencies of the middle in no order": (
+        GOOD + "[model]\nbuilder = 'krylov'\nmiddle_shifts_Hz = [20.0, 10.0]",
+        "scene.toml: model.middle_shifts_Hz[1] = 10: must be greater than the previous one, 20 Hz",
+    ),
     "krylov with more modes than the board holds": (
         GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = [0, 10, 20, 30]\npatch_nodes = [5, 5, 2]",
         "scene.toml: model.shifts_Hz = [0, 10, 20, 30]: must be so few that 3 modes for each of them and of the 25 nodes of a ",

@@ -5,7 +5,7 @@ rest, or with the node pressed in. The builders are those that a scene can name 
 their damping decoupled, in continuous time.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +19,15 @@ from palpate.scene import Scene, SceneError
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], bool]
 
-# Frequencies of `krylov` that are compared, in Hz.
-KRYLOV_SHIFTS_HZ = ((0.0,), (0.0, 20.0), (0.0, 20.0, 150.0))
+# Frequencies of `krylov` that are compared, in Hz: of all surface nodes, and of the contact's cell.
+KRYLOV_SHIFTS_HZ = (
+    ((0.0,), ()),
+    ((0.0, 20.0), ()),
+    ((0.0, 20.0, 150.0), ()),
+    ((0.0,), (20.0, 200.0)),
+    ((0.0,), (20.0, 40.0, 300.0)),
+    ((0.0,), (10.0, 20.0, 40.0, 200.0)),
+)
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,8 @@ class ModelError:
         if self.model["builder"] != "krylov":
             return str(self.model["builder"])
         shifts = ", ".join(f"{shift_Hz:g}" for shift_Hz in self.model["shifts_Hz"])
-        return f"krylov, {self.model['tangent']}, {shifts} Hz"
+        middle = ", ".join(f"{shift_Hz:g}" for shift_Hz in self.model["middle_shifts_Hz"])
+        return f"krylov, {self.model['tangent']}, {shifts}{f' + {middle}' if middle else ''} Hz"
 
 
 @dataclass(frozen=True)
@@ -127,22 +135,30 @@ def candidates(
     frame is the tangent at rest; pressed, `krylov` is compared with both."""
     patch = [min(size, most) for size, most in zip(own["patch_nodes"], nodes, strict=True)]
 
-    def model(builder: str, tangent: str = "frame", shifts_Hz: tuple[float, ...] = (0.0,)) -> dict[str, Any]:
-        return {"builder": builder, "tangent": tangent, "patch_nodes": patch, "shifts_Hz": list(shifts_Hz)}
+    def model(
+        builder: str, tangent: str = "frame", shifts_Hz: Sequence[float] = (0.0,), middle_Hz: Sequence[float] = ()
+    ) -> dict[str, Any]:
+        return {
+            "builder": builder,
+            "tangent": tangent,
+            "patch_nodes": patch,
+            "shifts_Hz": list(shifts_Hz),
+            "middle_shifts_Hz": list(middle_Hz),
+        }
 
     largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
-    found = [model(own["builder"], own["tangent"], tuple(own["shifts_Hz"]))]
+    found = [model(own["builder"], own["tangent"], own["shifts_Hz"], own["middle_shifts_Hz"])]
     found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed")]
-    for shifts_Hz in KRYLOV_SHIFTS_HZ:
-        if 3 * largest_face * len(shifts_Hz) > most_modes:
+    for shifts_Hz, middle_Hz in KRYLOV_SHIFTS_HZ:
+        if 3 * largest_face * len(shifts_Hz) + 12 * len(middle_Hz) > most_modes:
             continue
-        found += [model("krylov", tangent, shifts_Hz) for tangent in (("rest", "frame") if pressed else ("frame",))]
+        found += [model("krylov", tangent, shifts_Hz, middle_Hz) for tangent in (("rest", "frame") if pressed else ("frame",))]
     distinct: list[dict[str, Any]] = []
     for one in found:
         if one["builder"] != "krylov":  # the others have no such keys
             one = model(one["builder"])
         elif not pressed:
-            one = model("krylov", "frame", tuple(one["shifts_Hz"]))
+            one = model("krylov", "frame", one["shifts_Hz"], one["middle_shifts_Hz"])
         if one not in distinct:
             distinct.append(one)
     return distinct
