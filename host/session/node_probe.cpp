@@ -23,8 +23,8 @@ std::size_t row_from(std::span<const RenderedTick> ticks, std::uint32_t tick, st
 }
 
 std::optional<std::size_t> surface_index(const SentModel& model, int node) {
-  const auto found = std::lower_bound(model.nodes.begin(), model.nodes.end(), node);
-  if (found == model.nodes.end() || *found != node) return std::nullopt;
+  const auto found = std::find(model.nodes.begin(), model.nodes.end(), node);
+  if (found == model.nodes.end()) return std::nullopt;
   return static_cast<std::size_t>(found - model.nodes.begin());
 }
 

@@ -13,7 +13,7 @@ namespace palpate::host {
 // A local model that was sent, as far as it takes to render it again.
 struct SentModel {
   wire::PackedModel model;
-  std::vector<int> nodes;  // surface nodes, the body's own numbers, ascending
+  std::vector<int> nodes;  // of the model, the body's own numbers
 };
 
 // One servo tick as the board computed it.
