@@ -67,7 +67,8 @@ extern "C" {
   palpate::board::timer1().control = palpate::board::kTimerEnable;
   std::array<char, 16> buffer{};
   const std::uint32_t count = to_number(palpate::board::semihosting::command_line(buffer));
-  for (const ModelSize size : {ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16})
+  for (const ModelSize size :
+       {ModelSize::modes_96_nodes_32, ModelSize::modes_192_nodes_16, ModelSize::near_field})
     for (const palpate::SurfaceKind surface : palpate::bench::kSurfaces) measure(size, surface, count);
   palpate::board::semihosting::exit(0);
 }

@@ -27,12 +27,11 @@ namespace palpate::firmware {
 
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
 inline constexpr std::uint32_t kTipHistory = 256;
-// Background work per servo tick while a model catches up, in the units of ModalSurface::work() (about 1,000
-// instructions): one replayed tick takes 8 to 25, one with a first contact up to 100 (docs/benchmarks.md).
-// Fixed, so that every board catches up in the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 70;
+// Background work per servo tick while a model catches up, in instructions as ModalSurface::work() counts
+// them (docs/benchmarks.md). Fixed, so that every board catches up in the same number of ticks.
+inline constexpr std::uint32_t kCatchUpWork = 70'000;
 // What a replayed tick is expected to take at least, before its kind is known.
-inline constexpr std::uint32_t kUsualStepWork = 25;
+inline constexpr std::uint32_t kUsualStepWork = 20'000;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
 struct ServoSample {

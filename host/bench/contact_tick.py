@@ -22,7 +22,7 @@ SITUATIONS = 10_000
 INSTRUCTIONS_PER_COUNT = 5  # 125 MIPS (-icount shift=3: 8 ns) at a clock of 25 MHz
 INSTRUCTIONS_PER_TICK = 125_000  # of the servo, 1 ms
 
-SIZES = ("96 modes, 32 nodes", "192 modes, 16 nodes")  # ModelSize
+SIZES = ("96 modes, 32 nodes", "192 modes, 16 nodes", "96 modes, near field")  # ModelSize
 SURFACES = ("smooth", "flat")  # SurfaceKind
 KINDS = ("free", "first_contact", "stick", "slip", "edge_crossing", "separation")  # TickKind
 TICKS = ("cold", "warm")

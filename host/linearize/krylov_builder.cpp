@@ -16,10 +16,13 @@ namespace {
 // the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
 constexpr double kUnchanged = 3e-2;
 
-// The surface nodes of a model that has no more modes than the capacity.
-int most_ports(const Shifts& shifts, const LocalModelCapacity& capacity) {
+// The surface nodes of a model that has no more modes than the capacity. With nodes below the surface it has as
+// many nodes as the capacity allows.
+int most_ports(const Shifts& shifts, const LocalModelCapacity& capacity, int near_nodes) {
+  const int modes = near_nodes > 0 ? std::min(capacity.modes, capacity.basis / (3 * capacity.surface_nodes))
+                                   : capacity.modes;
   int ports = capacity.surface_nodes;
-  while (ports > 0 && shifts.most_modes(ports) > capacity.modes) --ports;
+  while (ports > 0 && shifts.most_modes(ports + near_nodes) > modes) --ports;
   return ports;
 }
 
@@ -68,13 +71,14 @@ void set_dofs(LocalModel& model, const Body& body, const StoredBasis& span, cons
 }  // namespace
 
 KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at, const Shifts& shifts,
-                             double step_s, const LocalModelCapacity& capacity, const BasisPolicy& bases)
+                             double step_s, const LocalModelCapacity& capacity, const BasisPolicy& bases,
+                             int near_nodes)
     : body_(body),
       at_(at),
       step_s_(step_s),
       capacity_(capacity),
-      port_limit_(most_ports(shifts, capacity)),
-      patches_(body, patch, port_limit_, shifts, bases),
+      port_limit_(most_ports(shifts, capacity, near_nodes)),
+      patches_(body, patch, port_limit_, shifts, bases, near_nodes),
       forces_(body),
       excitation_(body.dof_count(), 2),
       bent_(body) {

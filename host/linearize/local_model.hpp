@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/linearize/modal_coefficients.hpp"
+#include "host/msd/spring.hpp"
 
 namespace palpate::host {
 
@@ -18,8 +19,9 @@ struct LocalModel {
   double step_s = 0;
   // Surface.
   Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();  // device frame
-  Eigen::Matrix3Xd position_m;                         // 3 x surface nodes, minus origin_m, at q = 0
-  std::vector<int> node;                               // the body's number of each surface node
+  Eigen::Matrix3Xd position_m;                         // 3 x nodes, minus origin_m, at q = 0
+  std::vector<int> node;                               // the body's number of each: the surface's first
+  int surface_nodes = 0;                               // of them; others are known to the near field only
   std::vector<int> triangle;                           // the body's number of each triangle
   std::vector<std::array<int, 3>> corner;              // of each triangle; columns of position_m
   // Where basis and coefficients are constants of body and patch: rest positions, 3 x nodes, minus origin_m,
@@ -29,9 +31,8 @@ struct LocalModel {
   std::vector<ModalCoefficients> coefficient;
   Eigen::VectorXd lambda_rad2_s2;
   Eigen::VectorXd damping_rad_s;
-  Eigen::VectorXd load;  // constant modal force, N / sqrt(kg)
-  Eigen::MatrixXd
-      basis;  // (3 surface nodes) x modes, 1 / sqrt(kg); row = 3 node + axis; zero for fixed nodes
+  Eigen::VectorXd load;   // constant modal force, N / sqrt(kg)
+  Eigen::MatrixXd basis;  // (3 nodes) x modes, 1 / sqrt(kg); row = 3 node + axis; zero for fixed nodes
   // All degrees of freedom, those below the surface too: displacement = dof_basis q, velocity = dof_basis p.
   std::vector<int> dof_node, dof_axis;  // the body's number of the node, and the axis, of each row
   Eigen::MatrixXd dof_basis;            // 1 / sqrt(kg)
@@ -39,6 +40,8 @@ struct LocalModel {
   // State.
   Eigen::VectorXd q;  // sqrt(kg) m
   Eigen::VectorXd p;  // sqrt(kg) m / s
+  // Near field (shared/model/near_field.hpp); none without springs. i and j: columns of position_m.
+  std::vector<Spring> springs;  // with rest_m
   // Error indicators (modal_reduction.hpp).
   double damping_coupling = 0;
   double stiffness_asymmetry = 0;

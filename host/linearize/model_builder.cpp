@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "host/linearize/hybrid_builder.hpp"
 #include "host/linearize/krylov_builder.hpp"
 #include "host/linearize/patch_builder.hpp"
 #include "host/linearize/surrounded_patch_builder.hpp"
@@ -38,6 +39,10 @@ std::unique_ptr<ModelBuilder> make_builder(const Body& body, const BuilderConfig
       return std::make_unique<KrylovBuilder>(body, config.patch, config.tangent,
                                              Shifts(config.shift_rad_s, config.middle_shift_rad_s), step_s,
                                              LocalModelCapacity{}, config.bases);
+    case Builder::hybrid:
+      return std::make_unique<HybridBuilder>(body, config.patch, config.near_nodes,
+                                             config.middle_shift_rad_s, step_s, LocalModelCapacity{},
+                                             config.bases);
   }
   throw std::invalid_argument("builder: unknown");
 }

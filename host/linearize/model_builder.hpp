@@ -48,6 +48,7 @@ enum class Builder {
   patch_rescaled,  // the same, the springs that lead out of it softened (surrounded_patch_builder.hpp)
   condensed,       // the patch in the rest of the body, condensed statically (surrounded_patch_builder.hpp)
   krylov,          // modes of the whole body (krylov_builder.hpp)
+  hybrid,          // those at rest, and the exact springs at the contact (hybrid_builder.hpp)
 };
 
 // Where the body is linearized: at rest, once, or at each frame's state.
@@ -58,8 +59,9 @@ struct BuilderConfig {
   PatchSize patch{};
   TangentAt tangent = TangentAt::frame;      // of krylov; a patch has the frame's
   std::vector<double> shift_rad_s;           // of krylov
-  std::vector<double> middle_shift_rad_s{};  // of krylov, of the nodes of the contact's cell only
-  BasisPolicy bases{};                       // of krylov
+  std::vector<double> middle_shift_rad_s{};  // of krylov and hybrid, of the nodes of the contact's cell only
+  BasisPolicy bases{};                       // of krylov and hybrid
+  int near_nodes = 12;                       // of hybrid
 };
 
 // The body must outlive the builder. Models step by step_s. Throws as the builders do.

@@ -37,6 +37,7 @@ void set_surface(LocalModel& model, const BodyState& state, SubsetSurface surfac
   model.origin_m = model.position_m.rowwise().mean();
   model.position_m.colwise() -= model.origin_m;
   model.node = std::move(surface.node);
+  model.surface_nodes = static_cast<int>(nodes);
   model.triangle = std::move(surface.triangle);
   model.corner = std::move(surface.corner);
 }

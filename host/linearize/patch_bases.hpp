@@ -24,13 +24,14 @@ struct PatchBasis {
 
 class PatchBases {
  public:
-  // A patch has at most port_limit ports: at the body's edges, where more nodes are on the surface, those
+  // A patch has at most port_limit ports on the surface: at the body's edges, where more nodes are on the surface, those
   // nearest to the contact. The body must outlive it. Throws as BasisSource does.
   PatchBases(const Body& body, const PatchSize& size, int port_limit, const Shifts& shifts,
-             const BasisPolicy& policy)
+             const BasisPolicy& policy, int near_nodes = 0)
       : body_(body),
         size_(size),
         port_limit_(port_limit),
+        near_nodes_(near_nodes),
         middle_(!shifts.middle_rad_s.empty()),
         source_(body, shifts, policy) {}
 
@@ -46,11 +47,13 @@ class PatchBases {
   [[nodiscard]] std::size_t waits() const { return waits_; }
 
  private:
+  // Free nodes of the patch below its surface, those nearest to its middle first, near_nodes at most.
+  [[nodiscard]] Ports below(const PatchBasis& patch) const;
   [[nodiscard]] PatchBasis wanted(const SurfacePoint& contact) const;
 
   const Body& body_;
   PatchSize size_;
-  int port_limit_;
+  int port_limit_, near_nodes_;
   bool middle_;  // the ports in the middle have frequencies of their own
   BasisSource source_;
   PatchBasis last_;

@@ -1,8 +1,11 @@
 #include "host/session/model_message.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+#include <vector>
 
 namespace palpate::host {
 namespace {
@@ -57,6 +60,31 @@ void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double
   pack_contact(contact, message.contact);
 }
 
+// Springs of equal constants are one kind.
+void pack_springs(const LocalModel& model, wire::ModelContents& message) {
+  require_at_most(model.springs.size(), kMaxSprings, "springs of the near field");
+  std::vector<std::array<double, 3>> kinds;
+  message.spring_kind.count = model.springs.size();
+  message.spring_end.count = 2 * model.springs.size();
+  for (std::size_t s = 0; s < model.springs.size(); ++s) {
+    const Spring& spring = model.springs[s];
+    const std::array<double, 3> kind{spring.stiffness_N_m, spring.damping_N_s_m, spring.rest_length_m};
+    const auto found = std::find(kinds.begin(), kinds.end(), kind);
+    message.spring_kind.elements[s] = static_cast<std::uint8_t>(found - kinds.begin());
+    if (found == kinds.end()) kinds.push_back(kind);
+    message.spring_end.elements[2 * s] = static_cast<std::uint8_t>(spring.i);
+    message.spring_end.elements[2 * s + 1] = static_cast<std::uint8_t>(spring.j);
+  }
+  require_at_most(kinds.size(), kMaxSpringKinds, "kinds of springs of the near field");
+  message.spring_stiffness_N_m.count = message.spring_damping_N_s_m.count = message.spring_length_m.count =
+      kinds.size();
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    message.spring_stiffness_N_m.elements[k] = narrow(kinds[k][0]);
+    message.spring_damping_N_s_m.elements[k] = narrow(kinds[k][1]);
+    message.spring_length_m.elements[k] = narrow(kinds[k][2]);
+  }
+}
+
 }  // namespace
 
 void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
@@ -76,7 +104,8 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
 
   pack_stamp(stamp, stamp.kind, law, contact, message);
   message.modes = static_cast<std::uint16_t>(modes);
-  message.nodes = message.surface_nodes = static_cast<std::uint8_t>(nodes);
+  message.nodes = static_cast<std::uint8_t>(nodes);
+  message.surface_nodes = static_cast<std::uint8_t>(model.surface_nodes);
   message.triangles = static_cast<std::uint8_t>(triangles);
   pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
   message.surface = static_cast<std::uint8_t>(surface);
@@ -94,6 +123,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   for (std::size_t i = 0; i < message.rest_m.count; ++i)
     message.rest_m.elements[i] =
         narrow(model.rest_m(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(i / 3)));
+  pack_springs(model, message);
   message.triangle_id.count = triangles;
   message.corner.count = 3 * triangles;
   message.triangle_friction.count = triangles;

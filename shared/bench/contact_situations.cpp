@@ -10,6 +10,11 @@ namespace {
 
 constexpr float kSpacing_m = 0.01f;
 constexpr float kNodeMass_kg = 0.001f;
+// Along an axis, a face's and a body's diagonal.
+constexpr std::array<float, 3> kSpringLength_m{0.01f, 0.0141421f, 0.0173205f};
+constexpr std::array<float, 3> kSpringStiffness_N_m{100.0f, 100.0f, 100.0f};
+constexpr std::array<float, 3> kSpringDamping_N_s_m{0.447f, 0.447f, 0.447f};
+constexpr std::size_t kNearFieldModes = 96;
 
 Vec3f random_vector(Lcg& random, float magnitude) {
   return {random.uniform(-magnitude, magnitude), random.uniform(-magnitude, magnitude),
@@ -22,15 +27,23 @@ Vec3f random_vector(Lcg& random, float magnitude) {
 // cost of a tick does not depend on their values.
 void ContactSituations::build_model(ModelSize size, SurfaceKind surface, std::uint32_t number) {
   Lcg random(1000u * static_cast<std::uint32_t>(size) + number + 1u);
-  const bool wide = size == ModelSize::modes_96_nodes_32;
-  const std::size_t columns = wide ? 8 : 4, rows = 4, nodes = columns * rows, modes = wide ? 96 : 192;
+  const bool wide = size == ModelSize::modes_96_nodes_32, near = size == ModelSize::near_field;
+  const std::size_t columns = wide ? 8 : 4, rows = 4, surface_nodes = columns * rows,
+                    nodes = near ? 2 * surface_nodes : surface_nodes,
+                    modes = size == ModelSize::modes_192_nodes_16 ? 192
+                            : near                                ? kNearFieldModes
+                                                                  : 96;
   // Flat triangles cost more the steeper their folds are.
   const float rough_m = surface == SurfaceKind::flat && number % 2 == 1 ? 5e-3f : 2e-3f;
   for (std::size_t n = 0; n < nodes; ++n) {
-    const std::size_t row = n / columns;
-    position_m_[3 * n] = static_cast<float>(n % columns) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
-    position_m_[3 * n + 1] = static_cast<float>(row) * kSpacing_m + random.uniform(-1e-3f, 1e-3f);
-    position_m_[3 * n + 2] = random.uniform(-rough_m, rough_m);
+    const std::size_t column = n % columns, row = n / columns % rows;
+    const float depth_m = n < surface_nodes ? 0.0f : kSpacing_m;
+    rest_m_[3 * n] = static_cast<float>(column) * kSpacing_m;
+    rest_m_[3 * n + 1] = static_cast<float>(row) * kSpacing_m;
+    rest_m_[3 * n + 2] = -depth_m;
+    position_m_[3 * n] = rest_m_[3 * n] + random.uniform(-1e-3f, 1e-3f);
+    position_m_[3 * n + 1] = rest_m_[3 * n + 1] + random.uniform(-1e-3f, 1e-3f);
+    position_m_[3 * n + 2] = rest_m_[3 * n + 2] + random.uniform(-rough_m, rough_m);
   }
   std::size_t t = 0;
   for (std::size_t j = 0; j + 1 < rows; ++j) {
@@ -60,6 +73,7 @@ void ContactSituations::build_model(ModelSize size, SurfaceKind surface, std::ui
   }
   view_ = LocalModelView{.modes = modes,
                          .nodes = nodes,
+                         .surface_nodes = surface_nodes,
                          .triangles = t,
                          .origin_m = {},
                          .position_m = position_m_.data(),
@@ -74,6 +88,35 @@ void ContactSituations::build_model(ModelSize size, SurfaceKind surface, std::ui
                          .basis_scale = basis_scale_.data(),
                          .basis = basis_.data()};
   view_.surface = surface;
+  if (near) connect_neighbours();
+}
+
+// Springs between all nodes that are neighbours along an axis or a diagonal, as in a lattice with 26 of them.
+void ContactSituations::connect_neighbours() {
+  std::size_t springs = 0;
+  for (std::size_t j = 1; j < view_.nodes; ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      std::size_t kind = 0;
+      bool neighbours = true;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const float apart = std::fabs(rest_m_[3 * i + axis] - rest_m_[3 * j + axis]);
+        if (apart > 1.5f * kSpacing_m) neighbours = false;
+        if (apart > 0.5f * kSpacing_m) ++kind;
+      }
+      if (!neighbours) continue;
+      spring_end_[2 * springs] = static_cast<std::uint8_t>(i);
+      spring_end_[2 * springs + 1] = static_cast<std::uint8_t>(j);
+      spring_kind_[springs++] = static_cast<std::uint8_t>(kind - 1);
+    }
+  }
+  view_.springs = springs;
+  view_.rest_m = rest_m_.data();
+  view_.spring_end = spring_end_.data();
+  view_.spring_kind = spring_kind_.data();
+  view_.spring_kinds = kSpringLength_m.size();
+  view_.spring_stiffness_N_m = kSpringStiffness_N_m.data();
+  view_.spring_damping_N_s_m = kSpringDamping_N_s_m.data();
+  view_.spring_length_m = kSpringLength_m.data();
 }
 
 void ContactSituations::prepare(ModelSize size, SurfaceKind surface, std::uint32_t number) {

@@ -16,8 +16,8 @@
 namespace palpate::bench {
 
 // Models that fill the basis.
-enum class ModelSize : std::uint8_t { modes_96_nodes_32 = 0, modes_192_nodes_16 = 1 };
-inline constexpr std::size_t kModelSizes = 2;
+enum class ModelSize : std::uint8_t { modes_96_nodes_32 = 0, modes_192_nodes_16 = 1, near_field = 2 };
+inline constexpr std::size_t kModelSizes = 3;
 inline constexpr SurfaceKind kSurfaces[] = {SurfaceKind::smooth, SurfaceKind::flat};
 
 // What a tick was. A slip that ends on another triangle is an edge crossing.
@@ -49,9 +49,12 @@ class ContactSituations {
 
  private:
   void build_model(ModelSize size, SurfaceKind surface, std::uint32_t number);
+  void connect_neighbours();
   void place_tip(Lcg& random);
 
-  std::array<float, 3 * kMaxSurfaceNodes> position_m_{};
+  std::array<float, 3 * kMaxSurfaceNodes> position_m_{}, rest_m_{};
+  std::array<std::uint8_t, 2 * kMaxSprings> spring_end_{};
+  std::array<std::uint8_t, kMaxSprings> spring_kind_{};
   std::array<std::uint8_t, 3 * kMaxTriangles> corner_{};
   std::array<std::uint16_t, kMaxTriangles> triangle_id_{};
   Friction<float> friction_{};  // of all triangles

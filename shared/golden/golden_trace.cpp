@@ -210,6 +210,7 @@ void GoldenTrace::build_model() {
   }
   view_ = LocalModelView{.modes = kModes,
                          .nodes = kNodes,
+                         .surface_nodes = kNodes,
                          .triangles = kTriangles,
                          .origin_m = {},
                          .position_m = position_m_.data(),

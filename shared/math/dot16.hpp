@@ -50,4 +50,55 @@ inline std::array<std::int64_t, 3> dot16_rows(const std::int16_t* rows, const st
   return {x, y, z};
 }
 
+// A row of a matrix of 16-bit integers, and the factor of all its entries.
+struct Row16 {
+  const std::int16_t* entry = nullptr;
+  std::int32_t factor = 0;  // of 16 bits
+};
+
+// Calls take(c, sum over rows of entry[c] * factor) for `columns` columns. Exact as long as the magnitudes of
+// the factors add up to at most 65,535.
+template <class Take>
+inline void dot16_columns(const Row16* rows, std::size_t count, std::size_t columns, Take&& take) {
+  const Row16* const end = rows + count;
+  std::size_t c = 0;
+#if defined(__ARM_FEATURE_DSP) && __ARM_FEATURE_DSP
+  // Eight columns at a time: their sums stay in registers.
+  for (; c + 8 <= columns; c += 8) {
+    std::int32_t x0 = 0, x1 = 0, x2 = 0, x3 = 0, x4 = 0, x5 = 0, x6 = 0, x7 = 0;
+    for (const Row16* row = rows; row != end; ++row) {
+      const std::int16_t* entry = row->entry + c;
+      const std::int32_t factor = row->factor;
+      std::int32_t two;
+      std::memcpy(&two, entry, sizeof two);
+      x0 = __smlabb(two, factor, x0);
+      x1 = __smlatb(two, factor, x1);
+      std::memcpy(&two, entry + 2, sizeof two);
+      x2 = __smlabb(two, factor, x2);
+      x3 = __smlatb(two, factor, x3);
+      std::memcpy(&two, entry + 4, sizeof two);
+      x4 = __smlabb(two, factor, x4);
+      x5 = __smlatb(two, factor, x5);
+      std::memcpy(&two, entry + 6, sizeof two);
+      x6 = __smlabb(two, factor, x6);
+      x7 = __smlatb(two, factor, x7);
+    }
+    take(c, x0);
+    take(c + 1, x1);
+    take(c + 2, x2);
+    take(c + 3, x3);
+    take(c + 4, x4);
+    take(c + 5, x5);
+    take(c + 6, x6);
+    take(c + 7, x7);
+  }
+#endif
+  for (; c < columns; ++c) {
+    std::int32_t sum = 0;
+    for (const Row16* row = rows; row != end; ++row)
+      sum += static_cast<std::int32_t>(row->entry[c]) * row->factor;
+    take(c, sum);
+  }
+}
+
 }  // namespace palpate

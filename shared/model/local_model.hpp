@@ -61,7 +61,6 @@ struct LocalModelView {
   const float* spring_stiffness_N_m = nullptr;  // spring_kinds
   const float* spring_damping_N_s_m = nullptr;  // spring_kinds
   const float* spring_length_m = nullptr;       // spring_kinds, without load
-  float near_relaxation = 1.0f;  // of a step's change of the near field's forces: above 0, at most 1
 };
 
 // The part that changes from tick to tick.

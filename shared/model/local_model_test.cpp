@@ -60,6 +60,31 @@ TEST_F(LocalModelCheck, RefusesFrictionThatIsNone) {
   EXPECT_EQ(check(view, model_.state), Status::model_too_large);
 }
 
+TEST_F(LocalModelCheck, RefusesSpringsThatAreNone) {
+  test::TestSprings springs(model_);
+  EXPECT_EQ(check(model_.view, model_.state), Status::ok);
+  const auto refused = [&](auto& value, auto wrong, Status status) {
+    const auto before = value;
+    value = wrong;
+    EXPECT_EQ(check(model_.view, model_.state), status);
+    value = before;
+  };
+  refused(springs.end[3], std::uint8_t{4}, Status::model_inconsistent);   // no such node
+  refused(springs.end[1], springs.end[0], Status::model_inconsistent);    // from a node to itself
+  refused(springs.kind[2], std::uint8_t{2}, Status::model_inconsistent);  // no such kind
+  refused(springs.stiffness_N_m[1], -1.0f, Status::model_inconsistent);
+  refused(springs.damping_N_s_m[0], -1.0f, Status::model_inconsistent);
+  refused(springs.length_m[1], -1.0f, Status::model_inconsistent);
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  refused(springs.rest_m[4], kNan, Status::model_not_finite);
+  refused(springs.stiffness_N_m[1], std::numeric_limits<float>::infinity(), Status::model_not_finite);
+  refused(model_.view.springs, kMaxSprings + 1, Status::model_too_large);
+  refused(model_.view.spring_kinds, kMaxSpringKinds + 1, Status::model_too_large);
+  refused(model_.view.surface_nodes, std::size_t{5}, Status::model_inconsistent);  // more than nodes
+  refused(model_.view.surface_nodes, std::size_t{3},
+          Status::model_inconsistent);  // a triangle has the fourth
+}
+
 TEST_F(LocalModelCheck, RefusesNanAnywhere) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   for (float* value : {&model_.position_m[5], &model_.coefficient[70], &model_.load[11], &model_.scale[0],

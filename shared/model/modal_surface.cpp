@@ -1,5 +1,6 @@
 #include "shared/model/modal_surface.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "shared/math/dot16.hpp"
@@ -10,10 +11,23 @@ namespace {
 
 constexpr float kLead_s = ModalSurface::kTargetExtrapolation * static_cast<float>(kTick_s);
 
-// Work in units of about 1,000 Cortex-M4F instructions at 96 modes.
-constexpr std::uint32_t kWorkOfModes = 2;     // one pass over the modes
-constexpr std::uint32_t kWorkOfNewPoint = 9;  // another contact point: the way there, basis and compliance
-constexpr std::uint32_t kWorkOfNode = 1;
+// Work in Cortex-M4F instructions, as counted in QEMU (docs/benchmarks.md).
+constexpr std::uint32_t kWorkOfStep = 2500;
+constexpr std::uint32_t work_of_pass(std::size_t modes) {  // over all modes
+  return 25 * static_cast<std::uint32_t>(modes);
+}
+constexpr std::uint32_t work_of_new_point(std::size_t modes) {  // its basis, compliance and normals
+  return 2000 + 65 * static_cast<std::uint32_t>(modes);
+}
+constexpr std::uint32_t work_of_node(std::size_t modes) {
+  return 60 + 7 * static_cast<std::uint32_t>(modes) / 2;
+}
+constexpr std::uint32_t work_of_near_forces(std::size_t springs) {
+  return 1500 + 110 * static_cast<std::uint32_t>(springs);
+}
+constexpr std::uint32_t work_of_projection(std::size_t rows, std::size_t modes) {
+  return 1000 + 17 * static_cast<std::uint32_t>(rows * modes) / 10;
+}
 
 }  // namespace
 
@@ -23,12 +37,16 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   now_valid_ = 0;
   clearance_m_ = 0.0f;
   work_ = 0;
-  triangle_tests_ = 0;
   point_triangle_ = kNoPoint;
   step_ = 0;
   normal_step_ = {};
   triangle_count_of_ = {};
   quantized_ = false;
+  near_load_ = near_rise_ = {};
+  near_pending_ = false;
+  near_.bind(model);
+  if (model.springs != 0)
+    for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(n, start_velocity_m_s(n));
 
   for (std::uint32_t t = 0; t < model.triangles; ++t) {
     for (const std::uint32_t node : corners(t)) {
@@ -58,7 +76,7 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
 
   for (std::size_t axis = 0; axis < 3; ++axis) {
     float lowest = model.position_m[axis], highest = lowest;
-    for (std::size_t n = 1; n < model.nodes; ++n) {
+    for (std::size_t n = 1; n < model.surface_nodes; ++n) {
       const float x = model.position_m[3 * n + axis];
       if (x < lowest) lowest = x;
       if (x > highest) highest = x;
@@ -82,11 +100,11 @@ Nearness ModalSurface::nearness(const Vec3f& from, const Vec3f& to, float tip_ra
     }
   }
   if (clearance_m_ > 0.0f) {
-    work_ += kWorkOfModes;
+    work_ += work_of_pass(model_.modes);
     clearance_m_ -= norm(to - from) + largest_travel_m();
     if (clearance_m_ > 0.0f) return Nearness::outside;
   }
-  for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
+  for (std::uint32_t n = 0; n < model_.surface_nodes; ++n) (void)position(n);
   return Nearness::near;
 }
 
@@ -110,7 +128,7 @@ void ModalSurface::quantize_state() {
     quantum_ = 0.0f;
     for (std::size_t m = 0; m < modes; ++m) out[m] = 0;
     quantized_ = true;
-    work_ += kWorkOfModes;
+    work_ += work_of_pass(model_.modes);
     return;
   }
   const float inverse = 1.0f / quantum_;
@@ -119,7 +137,7 @@ void ModalSurface::quantize_state() {
     out[m] = static_cast<std::int16_t>(static_cast<std::int32_t>(steps < 0.0f ? steps - 0.5f : steps + 0.5f));
   }
   quantized_ = true;
-  work_ += kWorkOfModes;
+  work_ += work_of_pass(model_.modes);
 }
 
 // Bound on how far any node moves in the step to come: each mode at its present velocity and, for a free mode
@@ -129,9 +147,10 @@ float ModalSurface::largest_travel_m() const {
   const float* __restrict scale = model_.basis_scale;
   const float* __restrict p = state_->p.data();
   const float* __restrict load = model_.load;
+  const float* __restrict near_load = near_load_.data();
   float speed = 0.0f;
   for (std::size_t m = 0; m < model_.modes; ++m)
-    speed += scale[m] * (std::fabs(p[m]) + kStep_s * std::fabs(load[m]));
+    speed += scale[m] * (std::fabs(p[m]) + kStep_s * std::fabs(load[m] + near_load[m]));
   return 2.0f * speed * kLargestEntry * kStep_s;
 }
 
@@ -148,7 +167,7 @@ Vec3f ModalSurface::position(std::uint32_t node) {
     x[axis] = rest[axis] + static_cast<float>(static_cast<std::int32_t>(sum[axis] >> kShift)) * unit;
   now_[node] = x;
   now_valid_ |= 1u << node;
-  work_ += kWorkOfNode;
+  work_ += work_of_node(model_.modes);
   return x;
 }
 
@@ -164,6 +183,7 @@ bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const
 }
 
 void ModalSurface::prepare(std::uint32_t triangle) {
+  near_.follow(triangle);
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
     if (model_.surface != SurfaceKind::flat && normal_is_fresh(node, step_ + 1)) continue;
@@ -200,17 +220,84 @@ void ModalSurface::moved() {
   quantized_ = false;
 }
 
+Vec3f ModalSurface::start_velocity_m_s(std::uint32_t node) const {
+  Vec3f v;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int16_t* row = model_.basis + (3 * node + axis) * model_.modes;
+    float sum = 0.0f;
+    for (std::size_t m = 0; m < model_.modes; ++m)
+      sum += static_cast<float>(row[m]) * (model_.basis_scale[m] * state_->p[m]);
+    v[axis] = sum;
+  }
+  return v;
+}
+
+// In one step the forces on the nodes, in the next what they do to the modes.
+void ModalSurface::step_near_field() {
+  near_pending_ = !near_pending_;
+  if (!near_pending_) {
+    project_near_field();
+    return;
+  }
+  for (std::size_t m = 0; m < model_.modes; ++m) near_load_[m] += near_rise_[m];
+  for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
+  near_.evaluate(now_);
+  work_ += work_of_near_forces(near_.springs());
+}
+
+// The near field's forces on nodes as modal forces. They are rounded to steps of which all together have no
+// more than a 16-bit number without sign: then every sum fits in 32 bits.
+void ModalSurface::project_near_field() {
+  const auto& force = near_.force_N();
+  float sum_N = 0.0f;
+  for (std::uint32_t n = 0; n < model_.nodes; ++n)
+    for (std::size_t axis = 0; axis < 3; ++axis) sum_N += std::fabs(force[n][axis]);
+  constexpr float kSmallest = 1e-30f, kLargest = 1e30f;
+  if (!(sum_N > kSmallest && sum_N < kLargest)) {
+    near_load_ = near_rise_ = {};
+    return;
+  }
+  // Rounding adds up to half a step for each of at most 96 forces. As they add up to nothing, none is more
+  // than half of all.
+  constexpr float kSteps = 65535.0f - 1.5f * static_cast<float>(kMaxSurfaceNodes);
+  const float inverse = kSteps / sum_N, quantum = sum_N * (1.0f / kSteps);
+  std::array<Row16, 3 * kMaxSurfaceNodes> row;
+  std::size_t rows = 0;
+  for (std::uint32_t n = 0; n < model_.nodes; ++n) {
+    if ((near_.nodes() >> n & 1u) == 0u) continue;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const float f = force[n][axis] * inverse;
+      row[rows++] = {model_.basis + (3 * n + axis) * model_.modes,
+                     static_cast<std::int32_t>(f < 0.0f ? f - 0.5f : f + 0.5f)};
+    }
+  }
+  work_ += work_of_projection(rows, model_.modes);
+  // Of the middle of the two steps to come; in between a straight line, or it would be heard.
+  dot16_columns(row.data(), rows, model_.modes, [&](std::size_t m, std::int32_t sum) {
+    const float middle = static_cast<float>(sum) * (quantum * model_.basis_scale[m]);
+    const float rise = 0.5f * (middle - (near_load_[m] - 0.5f * near_rise_[m]));
+    near_load_[m] = middle - 0.5f * rise;
+    near_rise_[m] = rise;
+  });
+}
+
 void ModalSurface::advance() {
-  work_ += kWorkOfModes;
+  if (near_.is_empty()) {
+    near_.skip();
+  } else {
+    step_near_field();
+  }
+  work_ += kWorkOfStep + work_of_pass(model_.modes);
   before_ = now_;
   ++step_;
   moved();
   const float* __restrict c = model_.coefficient;
   const float* __restrict load = model_.load;
+  const float* __restrict near_load = near_load_.data();
   float* __restrict q = state_->q.data();
   float* __restrict p = state_->p.data();
   for (std::size_t m = 0; m < model_.modes; ++m, c += kCoefficientsPerMode) {
-    const float old_q = q[m], old_p = p[m], u = load[m];
+    const float old_q = q[m], old_p = p[m], u = load[m] + near_load[m];
     q[m] = old_q + (c[0] * old_q + c[1] * old_p + c[4] * u);
     p[m] = old_p + (c[2] * old_q + c[3] * old_p + c[5] * u);
   }
@@ -221,7 +308,7 @@ void ModalSurface::load_point(std::uint32_t triangle, const Vec3f& barycentric) 
   if (point_triangle_ == triangle && point_barycentric_ == barycentric) return;
   point_triangle_ = triangle;
   point_barycentric_ = barycentric;
-  work_ += kWorkOfNewPoint;
+  work_ += work_of_new_point(model_.modes);
   const std::size_t modes = model_.modes;
   const auto corner = corners(triangle);
   point_rest_m_ = {};
@@ -264,7 +351,7 @@ void ModalSurface::load_point(std::uint32_t triangle, const Vec3f& barycentric) 
 
 PointResponse<float> ModalSurface::respond(std::uint32_t triangle, const Vec3f& barycentric) {
   load_point(triangle, barycentric);
-  work_ += kWorkOfModes;
+  work_ += work_of_pass(model_.modes);
   const float* __restrict wx = point_basis_[0].data();
   const float* __restrict wy = point_basis_[1].data();
   const float* __restrict wz = point_basis_[2].data();
@@ -282,7 +369,7 @@ PointResponse<float> ModalSurface::respond(std::uint32_t triangle, const Vec3f& 
 
 void ModalSurface::apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N) {
   load_point(triangle, barycentric);
-  work_ += kWorkOfModes;
+  work_ += work_of_pass(model_.modes);
   moved();
   const float fx = force_N.x, fy = force_N.y, fz = force_N.z;
   const float* __restrict wx = point_basis_[0].data();

@@ -7,6 +7,7 @@
 
 #include "shared/contact/contact.hpp"
 #include "shared/model/local_model.hpp"
+#include "shared/model/near_field.hpp"
 #include "shared/servo_tick.hpp"
 
 namespace palpate {
@@ -17,6 +18,8 @@ inline constexpr std::size_t kMaxTrianglesOfNode = 8;
 // Steps for which a node's normal is used before it is computed anew. It takes the positions of all nodes
 // around; every 4 ticks instead of every tick, models catch up sooner (docs/decisions/smooth_normals.md).
 inline constexpr std::uint32_t kNormalLifetime_steps = 4;
+
+inline constexpr std::uint32_t kWorkOfTriangleTest = 250;  // Cortex-M4F instructions
 
 // Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
 // origin_m.
@@ -49,7 +52,7 @@ class ModalSurface {
   // evaluated, for the collision search.
   Nearness nearness(const Vec3f& from, const Vec3f& to, float tip_radius_m);
   bool may_touch(std::uint32_t, const Vec3f&, const Vec3f&, float) {
-    ++triangle_tests_;
+    work_ += kWorkOfTriangleTest;
     return true;
   }
   Vec3f position(std::uint32_t node);
@@ -62,11 +65,8 @@ class ModalSurface {
   PointResponse<float> respond(std::uint32_t triangle, const Vec3f& barycentric);
   void apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N);
 
-  // What was computed since bind(), in units of about 1,000 Cortex-M4F instructions at 96 modes.
-  [[nodiscard]] std::uint32_t work() const {
-    constexpr std::uint32_t kTestsPerUnit = 4;
-    return work_ + triangle_tests_ / kTestsPerUnit;
-  }
+  // What was computed since bind(), in Cortex-M4F instructions (a good estimate; modulo 2^32).
+  [[nodiscard]] std::uint32_t work() const { return work_; }
 
  private:
   // In the step with this number (step_ counts them).
@@ -77,9 +77,16 @@ class ModalSurface {
   [[nodiscard]] bool is_moved(std::uint32_t node) const;
   void load_point(std::uint32_t triangle, const Vec3f& barycentric);
   void moved();
+  [[nodiscard]] Vec3f start_velocity_m_s(std::uint32_t node) const;
+  void step_near_field();
+  void project_near_field();
 
   LocalModelView model_{};
   ModalState* state_ = nullptr;
+  NearField near_;
+  std::array<float, kMaxModes> near_load_{},
+      near_rise_{};            // modal forces of the near field, and their rise in a step
+  bool near_pending_ = false;  // its forces have been computed, and not yet projected
   std::array<std::int16_t, kMaxModes> quantized_q_{};  // basis_scale * q, in steps of quantum_
   float quantum_ = 0;
   bool quantized_ = false;  // for the state as it is now
@@ -104,7 +111,6 @@ class ModalSurface {
   float margin_m_ = 0;
   float clearance_m_ = 0;  // the tip is at least this far outside; 0 or less: not known
   std::uint32_t work_ = 0;
-  std::uint32_t triangle_tests_ = 0;
 };
 
 static_assert(kMaxSurfaceNodes <= 32, "now_valid_ has a bit per node");

@@ -111,4 +111,33 @@ struct TestModel {
   TestModel& operator=(const TestModel&) = delete;
 };
 
+// Springs between all nodes of a TestModel, of two kinds, resting at positions of their own.
+struct TestSprings {
+  std::vector<float> rest_m;
+  std::vector<std::uint8_t> end, kind;
+  std::vector<float> stiffness_N_m{100.0f, 70.0f}, damping_N_s_m{0.4f, 0.3f}, length_m{0.01f, 0.014f};
+
+  explicit TestSprings(TestModel& model) : rest_m(model.position_m) {
+    rest_m[2] += 1e-3f;
+    rest_m[4] -= 2e-3f;
+    for (std::uint8_t j = 1; j < 4; ++j) {
+      for (std::uint8_t i = 0; i < j; ++i) {
+        end.insert(end.end(), {i, j});
+        kind.push_back((j - i) % 2 == 0 ? 1 : 0);
+      }
+    }
+    LocalModelView& view = model.view;
+    view.springs = kind.size();
+    view.rest_m = rest_m.data();
+    view.spring_end = end.data();
+    view.spring_kind = kind.data();
+    view.spring_kinds = stiffness_N_m.size();
+    view.spring_stiffness_N_m = stiffness_N_m.data();
+    view.spring_damping_N_s_m = damping_N_s_m.data();
+    view.spring_length_m = length_m.data();
+  }
+  TestSprings(const TestSprings&) = delete;
+  TestSprings& operator=(const TestSprings&) = delete;
+};
+
 }  // namespace palpate::test

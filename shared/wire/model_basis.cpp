@@ -75,8 +75,7 @@ Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash
           .spring_kinds = header.spring_kinds,
           .spring_stiffness_N_m = at<float>(bytes, layout.spring_stiffness_N_m),
           .spring_damping_N_s_m = at<float>(bytes, layout.spring_damping_N_s_m),
-          .spring_length_m = at<float>(bytes, layout.spring_length_m),
-          .near_relaxation = header.near_relaxation};
+          .spring_length_m = at<float>(bytes, layout.spring_length_m)};
   return Status::ok;
 }
 

@@ -26,10 +26,8 @@ struct BasisHeader {
   float tip_radius_m;
   float coupling_stiffness_N_m;  // spring between tip and contact point; 0: none
   float coupling_damping_N_s_m;  // damper beside it; >= 0
-  float near_relaxation;
-  std::uint32_t zero_too;
 };
-static_assert(sizeof(BasisHeader) == 56);
+static_assert(sizeof(BasisHeader) == 48);
 
 // Offsets of the arrays, and the length of all, from the counts of a header.
 struct BasisLayout {

@@ -33,7 +33,6 @@ ModelContents model(std::size_t modes, std::size_t nodes, std::size_t triangles,
   m.tip_radius_m = 0.003f;
   m.coupling_stiffness_N_m = 500.0f;
   m.coupling_damping_N_s_m = 2.0f;
-  m.near_relaxation = 0.25f;
   fill(m.rest_m, 3 * nodes, random);
   fill(m.position_m, 3 * nodes, random);
   fill(m.triangle_id, triangles, random);
@@ -72,7 +71,6 @@ TEST(ModelBasis, IsReadWhereItLies) {
     EXPECT_EQ(view.triangles, sent.triangles);
     EXPECT_EQ(view.surface, SurfaceKind::flat);
     EXPECT_EQ(view.origin_m, (Vec3f{sent.origin_m[0], sent.origin_m[1], sent.origin_m[2]}));
-    EXPECT_EQ(view.near_relaxation, 0.25f);
     EXPECT_EQ(law.tip_radius_m, 0.003f);
     EXPECT_EQ(law.coupling.stiffness_N_m, 500.0f);
     EXPECT_EQ(law.coupling.damping_N_s_m, 2.0f);

@@ -48,7 +48,6 @@ struct ModelContents {
   BoundedArray<std::uint8_t, 2 * kMaxSprings> spring_end;
   BoundedArray<std::uint8_t, kMaxSprings> spring_kind;
   BoundedArray<float, kMaxSpringKinds> spring_stiffness_N_m, spring_damping_N_s_m, spring_length_m;
-  float near_relaxation = 1;
 };
 
 }  // namespace palpate::wire

@@ -34,8 +34,7 @@ inline LocalModelView view_of(const ModelContents& contents) {
           .spring_kinds = contents.spring_stiffness_N_m.count,
           .spring_stiffness_N_m = contents.spring_stiffness_N_m.elements,
           .spring_damping_N_s_m = contents.spring_damping_N_s_m.elements,
-          .spring_length_m = contents.spring_length_m.elements,
-          .near_relaxation = contents.near_relaxation};
+          .spring_length_m = contents.spring_length_m.elements};
 }
 
 // The modal state in the contents, whose counts must be those of the modes.

@@ -47,7 +47,6 @@ std::vector<std::uint8_t> write_basis(const ModelContents& m) {
   header.tip_radius_m = m.tip_radius_m;
   header.coupling_stiffness_N_m = m.coupling_stiffness_N_m;
   header.coupling_damping_N_s_m = m.coupling_damping_N_s_m;
-  header.near_relaxation = m.near_relaxation;
 
   BasisWriter writer(header);
   writer.add(m.rest_m.count != 0 ? m.rest_m : m.position_m);

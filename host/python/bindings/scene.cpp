@@ -197,7 +197,8 @@ host::BuilderConfig read_model(const nb::dict& model) {
                                          {{"patch", host::Builder::patch},
                                           {"patch_rescaled", host::Builder::patch_rescaled},
                                           {"condensed", host::Builder::condensed},
-                                          {"krylov", host::Builder::krylov}});
+                                          {"krylov", host::Builder::krylov},
+                                          {"hybrid", host::Builder::hybrid}});
   config.tangent =
       choice<host::TangentAt>(text(model, "tangent"), "model.tangent",
                               {{"rest", host::TangentAt::rest}, {"frame", host::TangentAt::frame}});
@@ -206,6 +207,10 @@ host::BuilderConfig read_model(const nb::dict& model) {
     config.shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
   for (const double shift_Hz : nb::cast<std::vector<double>>(model["middle_shifts_Hz"]))
     config.middle_shift_rad_s.push_back(2.0 * std::numbers::pi * shift_Hz);
+  constexpr double kDefaultMiddle_Hz = 20.0;  // docs/decisions/near_field.md
+  if (config.builder == host::Builder::hybrid && config.middle_shift_rad_s.empty())
+    config.middle_shift_rad_s.push_back(2.0 * std::numbers::pi * kDefaultMiddle_Hz);
+  config.near_nodes = static_cast<int>(whole(model, "near_nodes"));
   return config;
 }
 

@@ -228,11 +228,12 @@ class Model:
     """The local model that the board renders."""
 
     builder: str = key(
-        Choice(("patch", "patch_rescaled", "condensed", "krylov")),
+        Choice(("patch", "patch_rescaled", "condensed", "krylov", "hybrid")),
         "how it is built; `patch`: the nodes around the tip, those beyond held, with the tangent of the frame; "
         "`patch_rescaled`: the same, the springs that lead out of it softened until its border yields as in the body at "
         "rest; `condensed`: the same, with the static stiffness of the rest of the body at rest; `krylov`: modes of the "
-        "whole body that answer forces on the patch's surface as it does",
+        "whole body that answer forces on the patch's surface as it does; `hybrid`: such modes of the body at rest, and "
+        "on the board the exact forces of the springs at the contact",
         default="patch",
     )
     patch_nodes: tuple[int, ...] = key(
@@ -254,7 +255,8 @@ class Model:
     )
     middle_shifts_Hz: tuple[float, ...] = key(
         ListOf(Number(0.0, 1000.0), 4),
-        "`krylov`: further such frequencies, ascending, of the four nodes of the contact's cell only; 12 modes for each",
+        "`krylov`, `hybrid`: further such frequencies, ascending, of the four nodes of the contact's cell only; 12 modes for "
+        "each; `hybrid` without any has 20 Hz",
         unit="Hz",
         default=(),
     )
@@ -271,6 +273,12 @@ class Model:
         "cache folder (`$XDG_CACHE_HOME` or `~/.cache`); results are the same bits with and without; 0: no files",
         unit="MB",
         default=1024,
+    )
+    near_nodes: int = key(
+        Integer(0, 16),
+        "`hybrid`: nodes below the surface, nearest to the middle of the patch first, whose own answers to forces are in "
+        "the modes, three each; all modes are 96 at most",
+        default=12,
     )
     feedback: str = key(
         Choice(("exact", "paper", "discard", "hold")),

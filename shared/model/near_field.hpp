@@ -1,0 +1,68 @@
+// The near field of a local model: what the exact forces of the springs at the contact have beyond the linear
+// ones that the modes contain.
+//
+// The modes have the stiffness of the body at rest. For a spring between nodes i and j with separation u and
+// its rate w, exact force F(u, w) = (k (|u| - L) + b w . e) e, e = u / |u|, and the model's start U0, W0, the
+// modes have
+//   F(U0, W0) + k n n' (u - U0) + b n n' (w - W0),   n: unit separation at rest,
+// so the correction on node i (its opposite on j) is
+//   g = F(u, w) - F(U0, W0) - n n' (k (u - U0) + b (w - W0)).
+// It is zero at the model's start. Forces are computed in every second step and made modal forces in the step
+// after, each a part of the work: those of the state at the end of step t act over the steps t + 2 and t + 3,
+// so the springs' ends are extrapolated by two steps. Only what is beyond the linear force is late, so that
+// this is stable for stiff springs, too (docs/decisions/near_field.md).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "shared/math/linear.hpp"
+#include "shared/model/local_model.hpp"
+
+namespace palpate {
+
+// Springs at the three nodes of a triangle on a flat lattice face: 48.
+inline constexpr std::size_t kMaxNearSprings = 56;
+
+inline constexpr std::uint32_t kNearPeriod_steps = 2;
+
+class NearField {
+ public:
+  // Starts without springs, with no force; then, for each node, its velocity at the model's start.
+  void bind(const LocalModelView& model);
+  void start_with(std::uint32_t node, const Vec3f& velocity_m_s);
+
+  // Takes the springs that end at a node of the triangle; nothing changes where they are that already.
+  void follow(std::uint32_t triangle);
+  [[nodiscard]] bool is_empty() const { return count_ == 0; }
+
+  // A step goes by without evaluate(): what is known of the positions before is of no use any more.
+  void skip() { before_known_ = false; }
+  // Forces from the positions of all nodes, kNearPeriod_steps after those of the call before. Without those
+  // the nodes are taken to rest.
+  void evaluate(const std::array<Vec3f, kMaxSurfaceNodes>& position_m);
+  // On each node; zero for those without a near spring.
+  [[nodiscard]] const std::array<Vec3f, kMaxSurfaceNodes>& force_N() const { return force_N_; }
+  // A bit for each node that has ever had a near spring since bind().
+  [[nodiscard]] std::uint32_t nodes() const { return nodes_; }
+  [[nodiscard]] std::size_t springs() const { return count_; }
+
+ private:
+  struct NearSpring {
+    std::uint8_t i, j, kind;
+    Vec3f direction;   // n
+    Vec3f constant_N;  // - F(U0, W0) + n n' (k U0 + b W0)
+  };
+  [[nodiscard]] Vec3f start_separation(const NearSpring& spring) const;
+
+  LocalModelView model_{};
+  std::uint32_t triangle_ = 0xffffffffu;
+  std::size_t count_ = 0;
+  std::array<NearSpring, kMaxNearSprings> spring_{};
+  std::array<Vec3f, kMaxSurfaceNodes> start_velocity_m_s_{}, before_m_{}, force_N_{};
+  bool before_known_ = false;
+  std::uint32_t nodes_ = 0;
+};
+
+}  // namespace palpate
