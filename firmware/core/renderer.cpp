@@ -262,10 +262,7 @@ void Renderer::take(const BasisStore::Events& events) {
     const BasisStore::Event& event = events.event[i];
     add_event(event);
     if (event.status != Status::ok || waiting_bytes_ == 0 || event.id != waiting_basis_) continue;
-    const std::size_t bytes = waiting_bytes_;
-    waiting_bytes_ = 0;
-    ModelReport report;
-    if (accept(std::span(waiting_).first(bytes), report) != Status::ok) add_report(report);
+    accept_waiting();
   }
 }
 
@@ -275,14 +272,27 @@ void Renderer::supersede_waiting() {
   add_report(waiting_report_);
 }
 
-void Renderer::wait_for_basis(std::span<const std::uint8_t> payload) {
+bool Renderer::shadow_is_busy() const {
+  if (shadow_ == Shadow::empty || slots_[shadow_slot_].kind != ModelKind::modes) return false;
+  return last_tick_.load(std::memory_order_acquire) - shadow_began_ <= kCatchUpHorizon_ticks;
+}
+
+void Renderer::accept_waiting() {
+  if (waiting_bytes_ == 0 || shadow_is_busy() || bases_.find_complete(waiting_basis_) == BasisStore::kNone)
+    return;
+  const std::size_t bytes = waiting_bytes_;
+  waiting_bytes_ = 0;
+  ModelReport report;
+  if (accept(std::span(waiting_).first(bytes), report) != Status::ok) add_report(report);
+}
+
+void Renderer::wait(std::span<const std::uint8_t> payload) {
   supersede_waiting();
   // More bytes than the message has may follow it; it is decoded without them.
   waiting_bytes_ = std::min(payload.size(), waiting_.size());
   std::copy_n(payload.begin(), waiting_bytes_, waiting_.begin());
   waiting_report_ = {message_.sequence, Status::model_superseded, message_.tick, 0};
   waiting_basis_ = message_.basis_id;
-  add_event({message_.basis_id, Status::basis_missing});
 }
 
 Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& report) {
@@ -296,16 +306,24 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
   if (message_.basis_id != 0) {
     basis = bases_.find_complete(message_.basis_id);
     if (basis == BasisStore::kNone) {
-      wait_for_basis(payload);
+      wait(payload);
+      add_event({message_.basis_id, Status::basis_missing});
       return Status::ok;
     }
   }
-  supersede_waiting();
-  if (shadow_ == Shadow::offered && !reclaim_offer()) {
-    finish_shadow(Status::ok);
-  } else if (shadow_ != Shadow::empty) {
-    finish_shadow(Status::model_superseded);
+  if (shadow_ == Shadow::offered) {
+    if (reclaim_offer()) {
+      shadow_ = Shadow::catching_up;
+    } else {
+      finish_shadow(Status::ok);
+    }
   }
+  if (static_cast<ModelKind>(message_.kind) == ModelKind::modes && shadow_is_busy()) {
+    wait(payload);
+    return Status::ok;
+  }
+  supersede_waiting();
+  if (shadow_ != Shadow::empty) finish_shadow(Status::model_superseded);
   Slot& slot = slots_[shadow_slot_];
   slot.basis = basis;
   const Status status = load(slot);
@@ -314,6 +332,7 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
     return status;
   }
   shadow_ = Shadow::decoded;
+  shadow_began_ = last_tick_.load(std::memory_order_acquire);
   return Status::ok;
 }
 
@@ -338,6 +357,7 @@ bool Renderer::catch_up(ModelReport& report) {
       finish_shadow(Status::ok);
     }
   }
+  accept_waiting();
   if (shadow_ == Shadow::decoded) {
     shadow_ = Shadow::loaded;
   } else if (shadow_ == Shadow::loaded) {

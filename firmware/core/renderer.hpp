@@ -29,7 +29,11 @@ namespace palpate::firmware {
 inline constexpr std::uint32_t kTipHistory = 256;
 // Background work per servo tick while a model catches up, in instructions as ModalSurface::work() counts
 // them (docs/benchmarks.md). Fixed, so that every board catches up in the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 70'000;
+inline constexpr std::uint32_t kCatchUpWork = 80'000;
+// A model that has not caught up this long after it was accepted gives way to a newer one. Before, a newer
+// one waits: were each superseded by the next, none would ever be rendered where that takes longer than a
+// frame.
+inline constexpr std::uint32_t kCatchUpHorizon_ticks = 50;
 // What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 20'000;
 
@@ -125,7 +129,10 @@ class Renderer {
   Status load_contact(Slot& slot) const;
   [[nodiscard]] std::uint32_t bases_in_use() const;
   void take(const BasisStore::Events& events);
-  void wait_for_basis(std::span<const std::uint8_t> payload);
+  // Keeps message_, with its payload, for later.
+  void wait(std::span<const std::uint8_t> payload);
+  [[nodiscard]] bool shadow_is_busy() const;
+  void accept_waiting();
   void supersede_waiting();
   void add_report(const ModelReport& report);
   void add_event(const BasisStore::Event& event);
@@ -149,11 +156,15 @@ class Renderer {
   std::atomic<std::uint32_t> offered_tick_{0};
   // Background's own.
   Shadow shadow_ = Shadow::empty;
-  std::uint32_t shadow_slot_ = 1;  // the slot that is not the interrupt's: changes when an offer was taken
+  std::uint32_t shadow_began_ = 0;  // tick in which it was accepted
+  std::uint32_t shadow_slot_ = 1;   // the slot that is not the interrupt's: changes when an offer was taken
   BasisStore bases_;
-  palpate_ModelState_1_0 message_{};  // scratch; too large for the stack
-  palpate_ModelPart_1_0 part_{};      // likewise
-  // The newest state whose basis is not complete.
+  // One message at a time, too large for the stack.
+  union {
+    palpate_ModelState_1_0 message_{};
+    palpate_ModelPart_1_0 part_;
+  };
+  // The newest state whose basis is not complete, or that came while another was still catching up.
   std::array<std::uint8_t, wire::MessageTraits<palpate_ModelState_1_0>::kMaxBytes> waiting_{};
   std::size_t waiting_bytes_ = 0;  // 0: none
   ModelReport waiting_report_{};   // of it, should it never be taken

@@ -198,20 +198,44 @@ TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
   }
 }
 
-TEST(Renderer, ANewerModelSupersedesOneThatIsNotInUseYet) {
+// Were each model superseded by the next, none would ever be in use where catching up takes longer than a
+// frame.
+TEST(Renderer, ANewerModelWaitsForOneThatCatchesUpAndSupersedesOneThatWaits) {
   Runner runner;
   runner.ticks(250);
   ASSERT_EQ(runner.accept(square_model(1, runner.now - 200, kCentre_m)), Status::ok);
   (void)runner.tick();
   ASSERT_EQ(runner.accept(square_model(2, runner.now - 10, kCentre_m)), Status::ok);
-  runner.ticks(50);
-  ASSERT_EQ(runner.reports.size(), 2u);
-  EXPECT_EQ(runner.reports[0].sequence, 1u);
+  (void)runner.tick();
+  ASSERT_EQ(runner.accept(square_model(3, runner.now - 10, kCentre_m)), Status::ok);
+  runner.ticks(60);
+  ASSERT_EQ(runner.reports.size(), 3u);
+  EXPECT_EQ(runner.reports[0].sequence, 2u);
   EXPECT_EQ(runner.reports[0].status, Status::model_superseded);
   EXPECT_EQ(runner.reports[0].swap_tick, 0u);
-  EXPECT_EQ(runner.reports[1].sequence, 2u);
+  EXPECT_EQ(runner.reports[1].sequence, 1u);
   EXPECT_EQ(runner.reports[1].status, Status::ok);
-  EXPECT_EQ(runner.renderer->model_sequence(), 2u);
+  EXPECT_EQ(runner.reports[2].sequence, 3u);
+  EXPECT_EQ(runner.reports[2].status, Status::ok);
+  EXPECT_EQ(runner.renderer->model_sequence(), 3u);
+}
+
+TEST(Renderer, AModelThatDoesNotCatchUpInTimeGivesWay) {
+  for (const std::uint32_t late : {kCatchUpHorizon_ticks - 20, kCatchUpHorizon_ticks + 1}) {
+    Runner runner;
+    runner.ticks(250);
+    ASSERT_EQ(runner.accept(square_model(1, runner.now - 10, kCentre_m)), Status::ok);
+    // The background has no time.
+    for (std::uint32_t i = 0; i < late; ++i, ++runner.now)
+      (void)runner.renderer->isr_tick(runner.now, tip_at(runner.now));
+    ASSERT_EQ(runner.accept(square_model(2, runner.now - 10, kCentre_m)), Status::ok);
+    runner.ticks(60);
+    ASSERT_EQ(runner.reports.size(), 2u);
+    EXPECT_EQ(runner.reports[0].sequence, 1u);
+    EXPECT_EQ(runner.reports[0].status, late > kCatchUpHorizon_ticks ? Status::model_superseded : Status::ok);
+    EXPECT_EQ(runner.reports[1].sequence, 2u);
+    EXPECT_EQ(runner.reports[1].status, Status::ok);
+  }
 }
 
 std::vector<palpate_ModelPart_1_0> parts_of(const wire::PackedModel& packed) {

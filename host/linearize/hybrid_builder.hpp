@@ -15,8 +15,8 @@ namespace palpate::host {
 
 class HybridBuilder final : public ModelBuilder {
  public:
-  // The body must outlive it. near_nodes: below the surface, whose answers to forces are in the modes. middle_shift_rad_s:
-  // as of Shifts; all nodes have the static answers. Throws as KrylovBuilder does.
+  // The body must outlive it. near_nodes: below the surface, whose answers to forces are in the modes.
+  // middle_shift_rad_s: as of Shifts; all nodes have the static answers. Throws as KrylovBuilder does.
   HybridBuilder(const Body& body, const PatchSize& patch, int near_nodes,
                 const std::vector<double>& middle_shift_rad_s, double step_s,
                 const LocalModelCapacity& capacity = {}, const BasisPolicy& bases = {})

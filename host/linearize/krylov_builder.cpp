@@ -16,8 +16,8 @@ namespace {
 // the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
 constexpr double kUnchanged = 3e-2;
 
-// The surface nodes of a model that has no more modes than the capacity. With nodes below the surface it has as
-// many nodes as the capacity allows.
+// The surface nodes of a model that has no more modes than the capacity. With nodes below the surface it has
+// as many nodes as the capacity allows.
 int most_ports(const Shifts& shifts, const LocalModelCapacity& capacity, int near_nodes) {
   const int modes = near_nodes > 0 ? std::min(capacity.modes, capacity.basis / (3 * capacity.surface_nodes))
                                    : capacity.modes;

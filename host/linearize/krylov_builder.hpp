@@ -29,8 +29,7 @@ class KrylovBuilder final : public ModelBuilder {
   // at: whose stiffness and damping. shifts as for WholeBodyReduction.
   // Throws as it does, and where a patch of this size may have more modes than the capacity.
   KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt at, const Shifts& shifts, double step_s,
-                const LocalModelCapacity& capacity = {}, const BasisPolicy& bases = {},
-                int near_nodes = 0);
+                const LocalModelCapacity& capacity = {}, const BasisPolicy& bases = {}, int near_nodes = 0);
 
   [[nodiscard]] std::uint32_t foresight_ticks() const override;
   void foresee(std::uint32_t tick, std::span<const SurfacePoint> contacts) override {

@@ -40,9 +40,8 @@ std::unique_ptr<ModelBuilder> make_builder(const Body& body, const BuilderConfig
                                              Shifts(config.shift_rad_s, config.middle_shift_rad_s), step_s,
                                              LocalModelCapacity{}, config.bases);
     case Builder::hybrid:
-      return std::make_unique<HybridBuilder>(body, config.patch, config.near_nodes,
-                                             config.middle_shift_rad_s, step_s, LocalModelCapacity{},
-                                             config.bases);
+      return std::make_unique<HybridBuilder>(body, config.patch, config.near_nodes, config.middle_shift_rad_s,
+                                             step_s, LocalModelCapacity{}, config.bases);
   }
   throw std::invalid_argument("builder: unknown");
 }

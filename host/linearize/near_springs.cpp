@@ -7,13 +7,13 @@
 namespace palpate::host {
 namespace {
 
-std::vector<int> nodes_below(const LocalModel& model, const Body& body, const SurfacePoint& contact) {
+std::vector<int> nodes_below(const LocalModel& model, const Body& body) {
   std::vector<int> below;
   for (const int node : model.dof_node)
     if (std::find(model.node.begin(), model.node.end(), node) == model.node.end() &&
         (below.empty() || below.back() != node))
       below.push_back(node);
-  const Eigen::Vector3d centre_m = surface_position_m(body, body.rest_position_m(), contact);
+  const Eigen::Vector3d centre_m = model.origin_m + model.rest_m.rowwise().mean();
   const auto distance = [&](int node) { return (body.rest_position_m().col(node) - centre_m).squaredNorm(); };
   std::stable_sort(below.begin(), below.end(), [&](int a, int b) { return distance(a) < distance(b); });
   return below;
@@ -21,9 +21,9 @@ std::vector<int> nodes_below(const LocalModel& model, const Body& body, const Su
 
 }  // namespace
 
-void add_near_field(LocalModel& model, const Body& body, const BodyState& state, const SurfacePoint& contact,
+void add_near_field(LocalModel& model, const Body& body, const BodyState& state,
                     const LocalModelCapacity& capacity) {
-  std::vector<int> below = nodes_below(model, body, contact);
+  std::vector<int> below = nodes_below(model, body);
   const auto room = static_cast<std::size_t>(surface_limit(capacity, model.modes())) - model.node.size();
   if (below.size() > room) below.resize(room);
   std::sort(below.begin(), below.end());

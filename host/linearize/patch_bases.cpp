@@ -12,8 +12,7 @@ Ports PatchBases::below(const PatchBasis& patch) const {
   for (const int node : patch.nodes) middle_m += rest_m.col(node) / static_cast<double>(patch.nodes.size());
   Ports nodes;
   for (const int node : patch.nodes)
-    if (!body_.fixed(node) &&
-        !std::binary_search(patch.surface.node.begin(), patch.surface.node.end(), node))
+    if (!body_.fixed(node) && !std::binary_search(patch.surface.node.begin(), patch.surface.node.end(), node))
       nodes.push_back(node);
   // In millionths of the patch's size, so that equal distances stay in the order of their nodes.
   const double size_m2 = (rest_m.col(patch.nodes.front()) - middle_m).squaredNorm();

@@ -24,8 +24,8 @@ struct PatchBasis {
 
 class PatchBases {
  public:
-  // A patch has at most port_limit ports on the surface: at the body's edges, where more nodes are on the surface, those
-  // nearest to the contact. The body must outlive it. Throws as BasisSource does.
+  // A patch has at most port_limit ports on the surface: at the body's edges, where more nodes are on the
+  // surface, those nearest to the contact. The body must outlive it. Throws as BasisSource does.
   PatchBases(const Body& body, const PatchSize& size, int port_limit, const Shifts& shifts,
              const BasisPolicy& policy, int near_nodes = 0)
       : body_(body),

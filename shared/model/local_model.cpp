@@ -41,7 +41,8 @@ bool near_field_is_valid(const LocalModelView& model) {
 Status check(const LocalModelView& model, const ModalState& state) {
   if (model.modes > kMaxModes || model.nodes > kMaxSurfaceNodes || model.triangles > kMaxTriangles ||
       model.frictions > kMaxFrictions || model.springs > kMaxSprings ||
-      model.spring_kinds > kMaxSpringKinds || 3 * model.nodes * model.modes > kMaxBasis)
+      model.spring_kinds > kMaxSpringKinds || (model.springs != 0 && model.modes > kMaxNearModes) ||
+      3 * model.nodes * model.modes > kMaxBasis)
     return Status::model_too_large;
   if (model.modes == 0 || model.surface_nodes < 3 || model.surface_nodes > model.nodes ||
       model.triangles == 0)

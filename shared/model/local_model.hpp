@@ -21,7 +21,8 @@ inline constexpr std::size_t kMaxFrictions = 4;  // different pairs of coefficie
 inline constexpr std::size_t kMaxSprings =
     192;  // of the near field: all in a patch of 4 x 4 x 2 nodes are 184
 inline constexpr std::size_t kMaxSpringKinds = 16;
-inline constexpr std::size_t kMaxBasis = 9216;  // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
+inline constexpr std::size_t kMaxNearModes = 128;  // of a model with springs
+inline constexpr std::size_t kMaxBasis = 9216;     // rows x modes: 16 nodes x 3 x 192 modes, or 32 x 3 x 96
 inline constexpr std::size_t kCoefficientsPerMode = 6;  // a11 a12 a21 a22 b1 b2
 
 // What a local model is to the board. Values travel over the link (palpate.ModelState KIND_*): never renumber

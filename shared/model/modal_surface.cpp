@@ -44,9 +44,9 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   quantized_ = false;
   near_load_ = near_rise_ = {};
   near_pending_ = false;
-  near_.bind(model);
+  near_.bind();
   if (model.springs != 0)
-    for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(n, start_velocity_m_s(n));
+    for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(model, n, start_velocity_m_s(n));
 
   for (std::uint32_t t = 0; t < model.triangles; ++t) {
     for (const std::uint32_t node : corners(t)) {
@@ -148,9 +148,10 @@ float ModalSurface::largest_travel_m() const {
   const float* __restrict p = state_->p.data();
   const float* __restrict load = model_.load;
   const float* __restrict near_load = near_load_.data();
+  const bool with_near = model_.springs != 0;
   float speed = 0.0f;
   for (std::size_t m = 0; m < model_.modes; ++m)
-    speed += scale[m] * (std::fabs(p[m]) + kStep_s * std::fabs(load[m] + near_load[m]));
+    speed += scale[m] * (std::fabs(p[m]) + kStep_s * std::fabs(with_near ? load[m] + near_load[m] : load[m]));
   return 2.0f * speed * kLargestEntry * kStep_s;
 }
 
@@ -183,7 +184,7 @@ bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const
 }
 
 void ModalSurface::prepare(std::uint32_t triangle) {
-  near_.follow(triangle);
+  near_.follow(model_, triangle);
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
     if (model_.surface != SurfaceKind::flat && normal_is_fresh(node, step_ + 1)) continue;
@@ -241,7 +242,7 @@ void ModalSurface::step_near_field() {
   }
   for (std::size_t m = 0; m < model_.modes; ++m) near_load_[m] += near_rise_[m];
   for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
-  near_.evaluate(now_);
+  near_.evaluate(model_, now_);
   work_ += work_of_near_forces(near_.springs());
 }
 
@@ -294,10 +295,11 @@ void ModalSurface::advance() {
   const float* __restrict c = model_.coefficient;
   const float* __restrict load = model_.load;
   const float* __restrict near_load = near_load_.data();
+  const bool with_near = model_.springs != 0;
   float* __restrict q = state_->q.data();
   float* __restrict p = state_->p.data();
   for (std::size_t m = 0; m < model_.modes; ++m, c += kCoefficientsPerMode) {
-    const float old_q = q[m], old_p = p[m], u = load[m] + near_load[m];
+    const float old_q = q[m], old_p = p[m], u = with_near ? load[m] + near_load[m] : load[m];
     q[m] = old_q + (c[0] * old_q + c[1] * old_p + c[4] * u);
     p[m] = old_p + (c[2] * old_q + c[3] * old_p + c[5] * u);
   }

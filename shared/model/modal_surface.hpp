@@ -84,7 +84,7 @@ class ModalSurface {
   LocalModelView model_{};
   ModalState* state_ = nullptr;
   NearField near_;
-  std::array<float, kMaxModes> near_load_{},
+  std::array<float, kMaxNearModes> near_load_{},
       near_rise_{};            // modal forces of the near field, and their rise in a step
   bool near_pending_ = false;  // its forces have been computed, and not yet projected
   std::array<std::int16_t, kMaxModes> quantized_q_{};  // basis_scale * q, in steps of quantum_

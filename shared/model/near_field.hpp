@@ -22,26 +22,27 @@
 
 namespace palpate {
 
-// Springs at the three nodes of a triangle on a flat lattice face: 48.
-inline constexpr std::size_t kMaxNearSprings = 56;
+// Of one model, for all calls until the next bind(). Springs at the three nodes of a triangle on a flat
+// lattice face: 48.
+inline constexpr std::size_t kMaxNearSprings = 48;
 
 inline constexpr std::uint32_t kNearPeriod_steps = 2;
 
 class NearField {
  public:
   // Starts without springs, with no force; then, for each node, its velocity at the model's start.
-  void bind(const LocalModelView& model);
-  void start_with(std::uint32_t node, const Vec3f& velocity_m_s);
+  void bind();
+  void start_with(const LocalModelView& model, std::uint32_t node, const Vec3f& velocity_m_s);
 
   // Takes the springs that end at a node of the triangle; nothing changes where they are that already.
-  void follow(std::uint32_t triangle);
+  void follow(const LocalModelView& model, std::uint32_t triangle);
   [[nodiscard]] bool is_empty() const { return count_ == 0; }
 
   // A step goes by without evaluate(): what is known of the positions before is of no use any more.
   void skip() { before_known_ = false; }
   // Forces from the positions of all nodes, kNearPeriod_steps after those of the call before. Without those
   // the nodes are taken to rest.
-  void evaluate(const std::array<Vec3f, kMaxSurfaceNodes>& position_m);
+  void evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m);
   // On each node; zero for those without a near spring.
   [[nodiscard]] const std::array<Vec3f, kMaxSurfaceNodes>& force_N() const { return force_N_; }
   // A bit for each node that has ever had a near spring since bind().
@@ -56,7 +57,6 @@ class NearField {
   };
   [[nodiscard]] Vec3f start_separation(const NearSpring& spring) const;
 
-  LocalModelView model_{};
   std::uint32_t triangle_ = 0xffffffffu;
   std::size_t count_ = 0;
   std::array<NearSpring, kMaxNearSprings> spring_{};

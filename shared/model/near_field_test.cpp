@@ -28,8 +28,8 @@ class NearFieldTest : public ::testing::Test {
  protected:
   NearFieldTest() {
     for (Vec3f& v : velocity_m_s_) v = random_vector(0.05f);
-    near_.bind(model_.view);
-    for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(n, velocity_m_s_[n]);
+    near_.bind();
+    for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(model_.view, n, velocity_m_s_[n]);
   }
   Vec3f random_vector(float size) {
     std::uniform_real_distribution<float> uniform(-size, size);
@@ -65,29 +65,29 @@ class NearFieldTest : public ::testing::Test {
 };
 
 TEST_F(NearFieldTest, IsNothingAtTheModelsStart) {
-  near_.follow(0);
+  near_.follow(model_.view, 0);
   std::array<Vec3f, kMaxSurfaceNodes> position_m{};
   for (std::size_t n = 0; n < 4; ++n) position_m[n] = start_m(n);
-  near_.evaluate(position_m);
+  near_.evaluate(model_.view, position_m);
   // The ends are looked at a period ahead: with no velocity that is where they are.
   EXPECT_EQ(near_.springs(), 6u);
   velocity_m_s_ = {};
-  near_.bind(model_.view);
-  for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(n, {});
-  near_.follow(0);
-  near_.evaluate(position_m);
+  near_.bind();
+  for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(model_.view, n, {});
+  near_.follow(model_.view, 0);
+  near_.evaluate(model_.view, position_m);
   for (std::size_t n = 0; n < 4; ++n) EXPECT_NEAR(norm(widen(near_.force_N()[n])), 0.0, kRounding_N);
 }
 
 // Compared with the force law in double precision, nodes displaced by up to 4 mm in cells of 1 cm.
 TEST_F(NearFieldTest, IsTheExactForceLessTheLinearOne) {
-  near_.follow(1);
+  near_.follow(model_.view, 1);
   constexpr double kPeriod_s = kNearPeriod_steps * kTick_s;
   std::array<Vec3f, kMaxSurfaceNodes> before_m{}, position_m{};
   for (std::size_t n = 0; n < 4; ++n) before_m[n] = start_m(n) + random_vector(4e-3f);
   for (std::size_t n = 0; n < 4; ++n) position_m[n] = before_m[n] + random_vector(2e-4f);
-  near_.evaluate(before_m);
-  near_.evaluate(position_m);
+  near_.evaluate(model_.view, before_m);
+  near_.evaluate(model_.view, position_m);
   std::array<Vec3d, 4> expected{};
   double largest = 0;
   for (std::size_t s = 0; s < springs_.kind.size(); ++s) {
@@ -110,12 +110,12 @@ TEST_F(NearFieldTest, IsTheExactForceLessTheLinearOne) {
 }
 
 TEST_F(NearFieldTest, HasTheSpringsOfTheTriangleOnly) {
-  near_.follow(0);  // nodes 0, 1, 2
+  near_.follow(model_.view, 0);  // nodes 0, 1, 2
   EXPECT_EQ(near_.nodes(), 0xfu);
   model_.view.springs = 1;  // between 0 and 1
-  near_.bind(model_.view);
+  near_.bind();
   EXPECT_TRUE(near_.is_empty());
-  near_.follow(1);  // 0, 2, 3
+  near_.follow(model_.view, 1);  // 0, 2, 3
   EXPECT_EQ(near_.springs(), 1u);
   EXPECT_EQ(near_.nodes(), 0x3u);
 }
@@ -124,11 +124,11 @@ TEST_F(NearFieldTest, HasTheSpringsOfTheTriangleOnly) {
 TEST_F(NearFieldTest, TakesNodesToRestAfterAPause) {
   std::array<Vec3f, kMaxSurfaceNodes> position_m{};
   for (std::size_t n = 0; n < 4; ++n) position_m[n] = start_m(n) + random_vector(4e-3f);
-  near_.follow(0);
+  near_.follow(model_.view, 0);
   near_.skip();
-  near_.evaluate(position_m);
+  near_.evaluate(model_.view, position_m);
   const auto resting = near_.force_N();
-  near_.evaluate(position_m);  // they have not moved
+  near_.evaluate(model_.view, position_m);  // they have not moved
   for (std::size_t n = 0; n < 4; ++n) EXPECT_EQ(near_.force_N()[n], resting[n]);
 }
 
@@ -146,10 +146,10 @@ TEST_F(NearFieldTest, ReachesTheModes) {
   with.prepare(0);
   std::array<Vec3f, kMaxSurfaceNodes> position_m{};
   for (std::uint32_t n = 0; n < 4; ++n) position_m[n] = with.position(n);
-  near_.bind(model_.view);
-  for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(n, {});
-  near_.follow(0);
-  near_.evaluate(position_m);
+  near_.bind();
+  for (std::uint32_t n = 0; n < 4; ++n) near_.start_with(model_.view, n, {});
+  near_.follow(model_.view, 0);
+  near_.evaluate(model_.view, position_m);
   const auto force = near_.force_N();
 
   with.advance();
