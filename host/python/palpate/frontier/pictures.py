@@ -20,6 +20,7 @@ _NEAR = 0.07
 _SWEEP_LABELS = {
     "delay_frames": "delay [frames]",
     "shifts_Hz": "shifts [Hz]",
+    "near_nodes": "nodes below the surface in the modes",
     "patch_nodes": "nodes of the patch",
     "update_Hz": "updates [Hz]",
     "body_step_s": "step of the body [s]",

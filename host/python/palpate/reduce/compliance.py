@@ -144,11 +144,12 @@ def candidates(
             "patch_nodes": patch,
             "shifts_Hz": list(shifts_Hz),
             "middle_shifts_Hz": list(middle_Hz),
+            "near_nodes": own["near_nodes"],
         }
 
     largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
     found = [model(own["builder"], own["tangent"], own["shifts_Hz"], own["middle_shifts_Hz"])]
-    found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed")]
+    found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed", "hybrid")]
     for shifts_Hz, middle_Hz in KRYLOV_SHIFTS_HZ:
         if 3 * largest_face * len(shifts_Hz) + 12 * len(middle_Hz) > most_modes:
             continue
