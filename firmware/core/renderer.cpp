@@ -54,6 +54,7 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     active_.store(offer - 1, std::memory_order_relaxed);
     have_model_.store(true, std::memory_order_relaxed);
     shadow_tick_.store(0, std::memory_order_relaxed);
+    slots_[offer - 1].surface.set_near_period(kNearPeriod_steps);
     sample.flags |= kFlagModelSwap;
   }
   if (have_model_.load(std::memory_order_relaxed)) {
@@ -186,20 +187,22 @@ void Renderer::advance_shadow(Slot& slot, std::uint32_t newest) {
     slot.tick = newest;
     return;
   }
-  // Stops where one more step, as costly as the costliest so far, would go over the budget; the first ones,
-  // in the air and cheap, say nothing about a collision.
+  // Stops where one more step would go over the budget: as costly as the costliest so far, but for the near
+  // field, whose steps are known. The first ones, in the air and cheap, say nothing about a collision.
+  ModalSurface& surface = slot.surface;
+  surface.set_near_period(kCatchUpNearPeriod_steps);
   std::uint32_t work = 0, costliest = kUsualStepWork;
-  while (slot.tick != newest && work + costliest <= kCatchUpWork) {
+  while (slot.tick != newest && work + costliest + surface.next_near_work() <= kCatchUpWork) {
     if (!sample(slot.tick + 1, past)) {
       finish_shadow(Status::model_too_old);
       return;
     }
-    const std::uint32_t before = slot.surface.work();
+    const std::uint32_t before = surface.work(), near_before = surface.near_work();
     step(slot, past.tip_m);
     ++slot.tick;
-    const std::uint32_t cost = slot.surface.work() - before;
+    const std::uint32_t cost = surface.work() - before, near_cost = surface.near_work() - near_before;
     work += cost;
-    if (cost > costliest) costliest = cost;
+    if (cost - near_cost > costliest) costliest = cost - near_cost;
   }
 }
 

@@ -29,11 +29,14 @@ namespace palpate::firmware {
 inline constexpr std::uint32_t kTipHistory = 256;
 // Background work per servo tick while a model catches up, in instructions as ModalSurface::work() counts
 // them (docs/benchmarks.md). Fixed, so that every board catches up in the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 80'000;
+inline constexpr std::uint32_t kCatchUpWork = 70'000;
 // A model that has not caught up this long after it was accepted gives way to a newer one. Before, a newer
 // one waits: were each superseded by the next, none would ever be rendered where that takes longer than a
 // frame.
 inline constexpr std::uint32_t kCatchUpHorizon_ticks = 50;
+// Steps between two computations of the near field while a model catches up: replaying costs two thirds as
+// much as with those of kNearPeriod_steps (docs/decisions/near_field.md).
+inline constexpr std::uint32_t kCatchUpNearPeriod_steps = 8;
 // What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 20'000;
 

@@ -61,7 +61,7 @@ struct BuilderConfig {
   std::vector<double> shift_rad_s;           // of krylov
   std::vector<double> middle_shift_rad_s{};  // of krylov and hybrid, of the nodes of the contact's cell only
   BasisPolicy bases{};                       // of krylov and hybrid
-  int near_nodes = 12;                       // of hybrid
+  int near_nodes = 4;                        // of hybrid
 };
 
 // The body must outlive the builder. Models step by step_s. Throws as the builders do.

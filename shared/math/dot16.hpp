@@ -50,16 +50,17 @@ inline std::array<std::int64_t, 3> dot16_rows(const std::int16_t* rows, const st
   return {x, y, z};
 }
 
-// A row of a matrix of 16-bit integers, and the factor of all its entries.
+// A row of a matrix, and the factor of all its entries.
 struct Row16 {
-  const std::int16_t* entry = nullptr;
-  std::int32_t factor = 0;  // of 16 bits
+  std::uint16_t row = 0;
+  std::int16_t factor = 0;
 };
 
-// Calls take(c, sum over rows of entry[c] * factor) for `columns` columns. Exact as long as the magnitudes of
-// the factors add up to at most 65,535.
+// Calls take(c, sum over rows of matrix[row][c] * factor) for all columns of the matrix, which is stored row
+// by row. Exact as long as the magnitudes of the factors add up to at most 65,535.
 template <class Take>
-inline void dot16_columns(const Row16* rows, std::size_t count, std::size_t columns, Take&& take) {
+inline void dot16_columns(const std::int16_t* matrix, std::size_t columns, const Row16* rows,
+                          std::size_t count, Take&& take) {
   const Row16* const end = rows + count;
   std::size_t c = 0;
 #if defined(__ARM_FEATURE_DSP) && __ARM_FEATURE_DSP
@@ -67,7 +68,7 @@ inline void dot16_columns(const Row16* rows, std::size_t count, std::size_t colu
   for (; c + 8 <= columns; c += 8) {
     std::int32_t x0 = 0, x1 = 0, x2 = 0, x3 = 0, x4 = 0, x5 = 0, x6 = 0, x7 = 0;
     for (const Row16* row = rows; row != end; ++row) {
-      const std::int16_t* entry = row->entry + c;
+      const std::int16_t* entry = matrix + row->row * columns + c;
       const std::int32_t factor = row->factor;
       std::int32_t two;
       std::memcpy(&two, entry, sizeof two);
@@ -96,7 +97,8 @@ inline void dot16_columns(const Row16* rows, std::size_t count, std::size_t colu
   for (; c < columns; ++c) {
     std::int32_t sum = 0;
     for (const Row16* row = rows; row != end; ++row)
-      sum += static_cast<std::int32_t>(row->entry[c]) * row->factor;
+      sum +=
+          static_cast<std::int32_t>(matrix[row->row * columns + c]) * static_cast<std::int32_t>(row->factor);
     take(c, sum);
   }
 }

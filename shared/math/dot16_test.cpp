@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <random>
+#include <vector>
 
 namespace palpate {
 namespace {
@@ -33,19 +35,19 @@ TEST(Dot16, IsExactAtTheExtremesAndForOddLengths) {
 TEST(Dot16, ColumnsAreExactForAnyCountAndUpToTheirBound) {
   std::mt19937 random(5);
   std::uniform_int_distribution<int> uniform(-32768, 32767), small(-600, 600);
-  std::array<std::array<std::int16_t, kLongest>, 96> matrix{};
-  std::array<Row16, 96> rows{};
+  constexpr std::size_t kRows = 96;
+  std::vector<std::int16_t> matrix(kRows * kLongest);
+  std::array<Row16, kRows> rows{};
   for (std::size_t columns : {std::size_t{0}, std::size_t{1}, std::size_t{8}, std::size_t{15}, kLongest}) {
-    for (std::size_t count :
-         {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{95}, std::size_t{96}}) {
-      for (std::size_t r = 0; r < count; ++r) {
-        for (auto& entry : matrix[r]) entry = static_cast<std::int16_t>(uniform(random));
-        rows[r] = {matrix[r].data(), small(random)};
-      }
+    for (std::size_t count : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{95}, kRows}) {
+      for (auto& entry : matrix) entry = static_cast<std::int16_t>(uniform(random));
+      for (std::size_t r = 0; r < count; ++r)  // not in order
+        rows[r] = {static_cast<std::uint16_t>(kRows - 1 - r), static_cast<std::int16_t>(small(random))};
       std::size_t taken = 0;
-      dot16_columns(rows.data(), count, columns, [&](std::size_t c, std::int32_t sum) {
+      dot16_columns(matrix.data(), columns, rows.data(), count, [&](std::size_t c, std::int32_t sum) {
         std::int64_t expected = 0;
-        for (std::size_t r = 0; r < count; ++r) expected += std::int64_t{matrix[r][c]} * rows[r].factor;
+        for (std::size_t r = 0; r < count; ++r)
+          expected += std::int64_t{matrix[rows[r].row * columns + c]} * rows[r].factor;
         EXPECT_EQ(sum, expected);
         ++taken;
       });
@@ -53,11 +55,12 @@ TEST(Dot16, ColumnsAreExactForAnyCountAndUpToTheirBound) {
     }
   }
   // Factors whose magnitudes add up to 65,535, on the largest entries.
-  matrix[0].fill(-32768);
-  matrix[1].fill(-32768);
-  rows[0] = {matrix[0].data(), 32767};
-  rows[1] = {matrix[1].data(), 32768};
-  dot16_columns(rows.data(), 2, 9, [](std::size_t, std::int32_t sum) { EXPECT_EQ(sum, -32768LL * 65535); });
+  std::fill(matrix.begin(), matrix.end(), std::int16_t{-32768});
+  rows[0] = {0, 32767};
+  rows[1] = {1, -32768};
+  std::fill(matrix.begin() + 9, matrix.begin() + 18, std::int16_t{32767});
+  dot16_columns(matrix.data(), 9, rows.data(), 2,
+                [](std::size_t, std::int32_t sum) { EXPECT_EQ(sum, -32768LL * 32767 - 32767LL * 32768); });
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ constexpr std::uint32_t work_of_node(std::size_t modes) {
   return 60 + 7 * static_cast<std::uint32_t>(modes) / 2;
 }
 constexpr std::uint32_t work_of_near_forces(std::size_t springs) {
-  return 1500 + 110 * static_cast<std::uint32_t>(springs);
+  return 2000 + 250 * static_cast<std::uint32_t>(springs);
 }
 constexpr std::uint32_t work_of_projection(std::size_t rows, std::size_t modes) {
   return 1000 + 17 * static_cast<std::uint32_t>(rows * modes) / 10;
@@ -43,7 +43,11 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   triangle_count_of_ = {};
   quantized_ = false;
   near_load_ = near_rise_ = {};
-  near_pending_ = false;
+  near_period_ = near_acting_ = kNearPeriod_steps;
+  near_age_ = 0;
+  near_due_ = true;
+  near_waiting_ = false;
+  near_work_ = 0;
   near_.bind();
   if (model.springs != 0)
     for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(model, n, start_velocity_m_s(n));
@@ -233,17 +237,36 @@ Vec3f ModalSurface::start_velocity_m_s(std::uint32_t node) const {
   return v;
 }
 
-// In one step the forces on the nodes, in the next what they do to the modes.
+// In one step the forces on the nodes, in the next what they do to the modes. Those act from then on until
+// the next do: the middle of that is 1 + half a period after the positions.
 void ModalSurface::step_near_field() {
-  near_pending_ = !near_pending_;
-  if (!near_pending_) {
+  const std::uint32_t before = work_;
+  if (near_due_ || near_age_ >= near_period_) {
+    for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
+    const std::uint32_t elapsed = near_age_ > 0 ? near_age_ : 1;
+    near_.evaluate(model_, now_, elapsed, 1.0f + 0.5f * static_cast<float>(near_period_));
+    work_ += work_of_near_forces(near_.springs());
+    near_due_ = false;
+    near_age_ = 0;
+    near_waiting_ = true;
+  } else if (near_waiting_) {
+    near_waiting_ = false;
     project_near_field();
+    near_work_ += work_ - before;
+    ++near_age_;
     return;
   }
   for (std::size_t m = 0; m < model_.modes; ++m) near_load_[m] += near_rise_[m];
-  for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);
-  near_.evaluate(model_, now_);
-  work_ += work_of_near_forces(near_.springs());
+  near_work_ += work_ - before;
+  ++near_age_;
+}
+
+std::uint32_t ModalSurface::next_near_work() const {
+  if (near_.is_empty()) return 0;
+  if (near_due_ || near_age_ >= near_period_)
+    return static_cast<std::uint32_t>(model_.nodes) * work_of_node(model_.modes) +
+           work_of_near_forces(near_.springs());
+  return near_waiting_ ? work_of_projection(3 * model_.nodes, model_.modes) : 0;
 }
 
 // The near field's forces on nodes as modal forces. They are rounded to steps of which all together have no
@@ -268,23 +291,30 @@ void ModalSurface::project_near_field() {
     if ((near_.nodes() >> n & 1u) == 0u) continue;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const float f = force[n][axis] * inverse;
-      row[rows++] = {model_.basis + (3 * n + axis) * model_.modes,
-                     static_cast<std::int32_t>(f < 0.0f ? f - 0.5f : f + 0.5f)};
+      row[rows++] = {static_cast<std::uint16_t>(3 * n + axis),
+                     static_cast<std::int16_t>(static_cast<std::int32_t>(f < 0.0f ? f - 0.5f : f + 0.5f))};
     }
   }
   work_ += work_of_projection(rows, model_.modes);
-  // Of the middle of the two steps to come; in between a straight line, or it would be heard.
-  dot16_columns(row.data(), rows, model_.modes, [&](std::size_t m, std::int32_t sum) {
+  // A straight line from the middle of the steps in which the last forces acted to the middle of those to
+  // come, or it would be heard.
+  const float half = 0.5f * static_cast<float>(near_period_ - 1),
+              half_before = 0.5f * static_cast<float>(near_acting_ - 1);
+  const float per_step = 2.0f / static_cast<float>(near_period_ + near_acting_);
+  dot16_columns(model_.basis, model_.modes, row.data(), rows, [&](std::size_t m, std::int32_t sum) {
     const float middle = static_cast<float>(sum) * (quantum * model_.basis_scale[m]);
-    const float rise = 0.5f * (middle - (near_load_[m] - 0.5f * near_rise_[m]));
-    near_load_[m] = middle - 0.5f * rise;
+    const float rise = per_step * (middle - (near_load_[m] - half_before * near_rise_[m]));
+    near_load_[m] = middle - half * rise;
     near_rise_[m] = rise;
   });
+  near_acting_ = near_period_;
 }
 
 void ModalSurface::advance() {
   if (near_.is_empty()) {
     near_.skip();
+    near_due_ = true;
+    near_age_ = 0;
   } else {
     step_near_field();
   }

@@ -19,6 +19,10 @@ inline constexpr std::size_t kMaxTrianglesOfNode = 8;
 // around; every 4 ticks instead of every tick, models catch up sooner (docs/decisions/smooth_normals.md).
 inline constexpr std::uint32_t kNormalLifetime_steps = 4;
 
+// Steps between two computations of the near field; while a model catches up, fewer of them
+// (firmware/core/renderer).
+inline constexpr std::uint32_t kNearPeriod_steps = 2;
+
 inline constexpr std::uint32_t kWorkOfTriangleTest = 250;  // Cortex-M4F instructions
 
 // Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
@@ -65,8 +69,15 @@ class ModalSurface {
   PointResponse<float> respond(std::uint32_t triangle, const Vec3f& barycentric);
   void apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N);
 
+  // How often the near field is computed, in steps, from its next time on; at least 2. kNearPeriod_steps
+  // after bind().
+  void set_near_period(std::uint32_t steps) { near_period_ = steps; }
+
   // What was computed since bind(), in Cortex-M4F instructions (a good estimate; modulo 2^32).
   [[nodiscard]] std::uint32_t work() const { return work_; }
+  // Of it, for the near field; and what the next step will take for that.
+  [[nodiscard]] std::uint32_t near_work() const { return near_work_; }
+  [[nodiscard]] std::uint32_t next_near_work() const;
 
  private:
   // In the step with this number (step_ counts them).
@@ -85,8 +96,13 @@ class ModalSurface {
   ModalState* state_ = nullptr;
   NearField near_;
   std::array<float, kMaxNearModes> near_load_{},
-      near_rise_{};            // modal forces of the near field, and their rise in a step
-  bool near_pending_ = false;  // its forces have been computed, and not yet projected
+      near_rise_{};  // modal forces of the near field, and their rise in a step
+  std::uint32_t near_period_ = kNearPeriod_steps,
+                near_acting_ = kNearPeriod_steps;  // the latter: of near_load_
+  std::uint32_t near_age_ = 0;                     // steps since the nodes' positions were taken
+  bool near_due_ = true;                           // it has not been since bind() or a pause
+  bool near_waiting_ = false;                      // forces wait to be projected
+  std::uint32_t near_work_ = 0;
   std::array<std::int16_t, kMaxModes> quantized_q_{};  // basis_scale * q, in steps of quantum_
   float quantum_ = 0;
   bool quantized_ = false;  // for the state as it is now

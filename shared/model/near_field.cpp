@@ -7,11 +7,7 @@
 namespace palpate {
 namespace {
 
-constexpr float kPeriod_s = kNearPeriod_steps * static_cast<float>(kTick_s);
-constexpr float kPeriodsPerSecond = static_cast<float>(1.0 / (kNearPeriod_steps * kTick_s));
-
-// From the state to the middle of the steps in which its forces act, in periods.
-constexpr float kAhead = 1.0f;
+constexpr float kStep_s = static_cast<float>(kTick_s);
 
 // Nodes that coincide have no direction between them (host/msd/spring.hpp).
 constexpr float kShortest_m = 1e-9f;
@@ -32,7 +28,7 @@ void NearField::bind() {
 
 void NearField::start_with(const LocalModelView& model, std::uint32_t node, const Vec3f& velocity_m_s) {
   start_velocity_m_s_[node] = velocity_m_s;
-  before_m_[node] = at(model.position_m, node) - velocity_m_s * kPeriod_s;
+  before_m_[node] = at(model.position_m, node) - velocity_m_s * kStep_s;
 }
 
 void NearField::follow(const LocalModelView& model, std::uint32_t triangle) {
@@ -59,7 +55,10 @@ void NearField::follow(const LocalModelView& model, std::uint32_t triangle) {
   }
 }
 
-void NearField::evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m) {
+void NearField::evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m,
+                         std::uint32_t elapsed_steps, float ahead_steps) {
+  const float per_step = 1.0f / static_cast<float>(elapsed_steps);
+  const float per_second = per_step * static_cast<float>(1.0 / kTick_s), ahead = per_step * ahead_steps;
   if (!before_known_) before_m_ = position_m;
   before_known_ = true;
   force_N_ = {};
@@ -68,7 +67,7 @@ void NearField::evaluate(const LocalModelView& model, const std::array<Vec3f, kM
     const float k = model.spring_stiffness_N_m[spring.kind], b = model.spring_damping_N_s_m[spring.kind];
     const Vec3f start = position_m[spring.j] - position_m[spring.i];
     const Vec3f change = start - (before_m_[spring.j] - before_m_[spring.i]);
-    const Vec3f u = start + change * kAhead, w = change * kPeriodsPerSecond;
+    const Vec3f u = start + change * ahead, w = change * per_second;
     Vec3f g =
         spring.constant_N - spring.direction * (k * dot(spring.direction, u) + b * dot(spring.direction, w));
     const float length = norm(u);

@@ -7,10 +7,10 @@
 //   F(U0, W0) + k n n' (u - U0) + b n n' (w - W0),   n: unit separation at rest,
 // so the correction on node i (its opposite on j) is
 //   g = F(u, w) - F(U0, W0) - n n' (k (u - U0) + b (w - W0)).
-// It is zero at the model's start. Forces are computed in every second step and made modal forces in the step
-// after, each a part of the work: those of the state at the end of step t act over the steps t + 2 and t + 3,
-// so the springs' ends are extrapolated by two steps. Only what is beyond the linear force is late, so that
-// this is stable for stiff springs, too (docs/decisions/near_field.md).
+// It is zero at the model's start. Forces are computed in one step and made modal forces in the next, each a
+// part of the work, and then act until the forces after them do: the springs' ends are extrapolated to the
+// middle of that time (ModalSurface). Only what is beyond the linear force is late, so that this is stable
+// for stiff springs, too (docs/decisions/near_field.md).
 #pragma once
 
 #include <array>
@@ -26,8 +26,6 @@ namespace palpate {
 // lattice face: 48.
 inline constexpr std::size_t kMaxNearSprings = 48;
 
-inline constexpr std::uint32_t kNearPeriod_steps = 2;
-
 class NearField {
  public:
   // Starts without springs, with no force; then, for each node, its velocity at the model's start.
@@ -40,9 +38,11 @@ class NearField {
 
   // A step goes by without evaluate(): what is known of the positions before is of no use any more.
   void skip() { before_known_ = false; }
-  // Forces from the positions of all nodes, kNearPeriod_steps after those of the call before. Without those
-  // the nodes are taken to rest.
-  void evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m);
+  // Forces `ahead_steps` steps after the positions of all nodes, which are `elapsed_steps` after those of the
+  // call before, or after skip(), when the nodes are taken to rest; in the first call after the model's
+  // start.
+  void evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m,
+                std::uint32_t elapsed_steps, float ahead_steps);
   // On each node; zero for those without a near spring.
   [[nodiscard]] const std::array<Vec3f, kMaxSurfaceNodes>& force_N() const { return force_N_; }
   // A bit for each node that has ever had a near spring since bind().

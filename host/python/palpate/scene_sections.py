@@ -278,7 +278,7 @@ class Model:
         Integer(0, 16),
         "`hybrid`: nodes below the surface, nearest to the middle of the patch first, whose own answers to forces are in "
         "the modes, three each; all modes are 96 at most",
-        default=12,
+        default=4,
     )
     feedback: str = key(
         Choice(("exact", "paper", "discard", "hold")),
