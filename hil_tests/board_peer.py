@@ -203,7 +203,7 @@ def parse_trace(payload: bytes) -> tuple[int, int, np.ndarray]:
 
 # Offsets in a basis and in a state (docs/protocol.md).
 BASIS_BYTES_AT, MODES_AT, SURFACE_AT, ORIGIN_AT, RADIUS_AT, STIFFNESS_AT, DAMPING_AT = 8, 12, 20, 24, 36, 40, 44
-BASIS_HEADER_BYTES = 56
+BASIS_HEADER_BYTES = 48
 SCHEMA_AT, TICK_AT, BASIS_ID_AT, KIND_AT, TIP_SOURCE_AT, CONTACT_AT, STEPS_AT = 4, 12, 16, 22, 23, 24, 84
 
 
@@ -265,8 +265,8 @@ def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, he
         array("<f4", position_m), array("<f4", coefficient), array("<f4", np.full(modes, scale)), array("<f4", [0.5]),
         array("<f4", [0.4]), array("<i2", basis), array("<u2", np.arange(triangles)), array("u1", corners),
         array("u1", np.zeros(triangles))])
-    header = struct.pack("<QIH7B3x3f4fI", schema_hash, BASIS_HEADER_BYTES + len(arrays), modes, nodes, nodes, triangles,
-                         1, 0, 0, 0, 0, 0, height_m, 0, 0, 0, 1, 0)
+    header = struct.pack("<QIH7B3x6f", schema_hash, BASIS_HEADER_BYTES + len(arrays), modes, nodes, nodes, triangles,
+                         1, 0, 0, 0, 0, 0, height_m, 0, 0, 0)
     assert len(header) == BASIS_HEADER_BYTES
     state = struct.pack("<IQIIHBB", sequence, schema_hash, tick, 0, 1000, 0, 0)
     # No contact, no steps, and no array: at rest.

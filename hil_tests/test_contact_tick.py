@@ -35,7 +35,7 @@ def measured(report):
 
 def test_every_kind_of_tick_is_measured(report):
     assert report["situations"] == _SITUATIONS
-    assert len(list(measured(report))) == 4
+    assert len(list(measured(report))) == 6
     for which, kinds in measured(report):
         assert set(kinds) == _KINDS, which
         assert sum(of["ticks"] for kind in kinds.values() for of in kind.values()) == 2 * _SITUATIONS

@@ -38,7 +38,7 @@ inline constexpr std::uint32_t kCatchUpHorizon_ticks = 50;
 // much as with those of kNearPeriod_steps (docs/decisions/near_field.md).
 inline constexpr std::uint32_t kCatchUpNearPeriod_steps = 8;
 // What a replayed tick is expected to take at least, before its kind is known.
-inline constexpr std::uint32_t kUsualStepWork = 20'000;
+inline constexpr std::uint32_t kUsualStepWork = 25'000;
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
 struct ServoSample {

@@ -203,12 +203,12 @@ TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
 TEST(Renderer, ANewerModelWaitsForOneThatCatchesUpAndSupersedesOneThatWaits) {
   Runner runner;
   runner.ticks(250);
-  ASSERT_EQ(runner.accept(square_model(1, runner.now - 200, kCentre_m)), Status::ok);
+  ASSERT_EQ(runner.accept(square_model(1, runner.now - 60, kCentre_m)), Status::ok);
   (void)runner.tick();
   ASSERT_EQ(runner.accept(square_model(2, runner.now - 10, kCentre_m)), Status::ok);
   (void)runner.tick();
   ASSERT_EQ(runner.accept(square_model(3, runner.now - 10, kCentre_m)), Status::ok);
-  runner.ticks(60);
+  runner.ticks(100);
   ASSERT_EQ(runner.reports.size(), 3u);
   EXPECT_EQ(runner.reports[0].sequence, 2u);
   EXPECT_EQ(runner.reports[0].status, Status::model_superseded);
@@ -221,7 +221,7 @@ TEST(Renderer, ANewerModelWaitsForOneThatCatchesUpAndSupersedesOneThatWaits) {
 }
 
 TEST(Renderer, AModelThatDoesNotCatchUpInTimeGivesWay) {
-  for (const std::uint32_t late : {kCatchUpHorizon_ticks - 20, kCatchUpHorizon_ticks + 1}) {
+  for (const std::uint32_t late : {kCatchUpHorizon_ticks - 40, kCatchUpHorizon_ticks + 1}) {
     Runner runner;
     runner.ticks(250);
     ASSERT_EQ(runner.accept(square_model(1, runner.now - 10, kCentre_m)), Status::ok);

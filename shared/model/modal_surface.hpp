@@ -25,6 +25,11 @@ inline constexpr std::uint32_t kNearPeriod_steps = 2;
 
 inline constexpr std::uint32_t kWorkOfTriangleTest = 250;  // Cortex-M4F instructions
 
+// What parts of a step take, in Cortex-M4F instructions.
+struct ModalSurfaceWork {
+  std::uint32_t step = 0, pass = 0, new_point = 0, node = 0;  // pass: over all modes
+};
+
 // Works on a LocalModelView and a ModalState that the owner keeps alive. Positions relative to the view's
 // origin_m.
 class ModalSurface {
@@ -127,6 +132,7 @@ class ModalSurface {
   float margin_m_ = 0;
   float clearance_m_ = 0;  // the tip is at least this far outside; 0 or less: not known
   std::uint32_t work_ = 0;
+  ModalSurfaceWork of_{};
 };
 
 static_assert(kMaxSurfaceNodes <= 32, "now_valid_ has a bit per node");

@@ -82,7 +82,8 @@ def test_growing_modes_are_counted() -> None:
 
 
 def test_candidates_fit_the_lattice_and_the_board() -> None:
-    own = {"builder": "krylov", "tangent": "rest", "patch_nodes": [5, 5, 2], "shifts_Hz": [0.0, 7.0], "middle_shifts_Hz": [9.0]}
+    own = {"builder": "krylov", "tangent": "rest", "patch_nodes": [5, 5, 2], "shifts_Hz": [0.0, 7.0], "middle_shifts_Hz": [9.0],
+           "near_nodes": 4}
     found = candidates(own, (12, 4, 12), 192, pressed=False)
     assert all(one["patch_nodes"] == [5, 4, 2] for one in found)
     assert (found[0]["shifts_Hz"], found[0]["middle_shifts_Hz"]) == ([0.0, 7.0], [9.0])
