@@ -191,7 +191,7 @@ void Renderer::advance_shadow(Slot& slot, std::uint32_t newest) {
   // field, whose steps are known. The first ones, in the air and cheap, say nothing about a collision.
   ModalSurface& surface = slot.surface;
   surface.set_near_period(kCatchUpNearPeriod_steps);
-  std::uint32_t work = 0, costliest = kUsualStepWork;
+  std::uint32_t work = 0, costliest = slot.view.springs == 0 ? kUsualStepWork : kUsualNearStepWork;
   while (slot.tick != newest && work + costliest + surface.next_near_work() <= kCatchUpWork) {
     if (!sample(slot.tick + 1, past)) {
       finish_shadow(Status::model_too_old);

@@ -39,6 +39,7 @@ inline constexpr std::uint32_t kCatchUpHorizon_ticks = 50;
 inline constexpr std::uint32_t kCatchUpNearPeriod_steps = 8;
 // What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 25'000;
+inline constexpr std::uint32_t kUsualNearStepWork = 20'000;  // of a model with a near field, without that
 
 // One servo tick as rendered; what the trace to the host and the record are made of.
 struct ServoSample {
