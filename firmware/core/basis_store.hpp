@@ -72,7 +72,9 @@ class BasisStore {
     bool complete = false;
 
     [[nodiscard]] std::size_t blocks() const { return (length + kBasisBlockBytes - 1) / kBasisBlockBytes; }
-    [[nodiscard]] bool has(std::size_t block) const { return (come[block / 8] >> block % 8 & 1u) != 0u; }
+    [[nodiscard]] bool has(std::size_t block) const {
+      return (unsigned{come[block / 8]} >> block % 8 & 1u) != 0u;
+    }
   };
   std::uint32_t find(std::uint32_t id) const;
   std::uint32_t make_room(std::uint32_t in_use, Events& events);

@@ -85,7 +85,7 @@ TEST_F(BasisStoreTest, PiecesInAnyOrderMakeABasis) {
     BasisStore::Blocks missing;
     const std::size_t length = store_->missing(basis.id, missing);
     for (std::uint16_t block = 0; block * kBasisBlockBytes < basis.bytes.size(); ++block)
-      if (length == 0 || (missing[block / 8] >> block % 8 & 1u) != 0u)
+      if (length == 0 || (unsigned{missing[block / 8]} >> block % 8 & 1u) != 0u)
         add(wire::part_of(basis.bytes, basis.id, block, 1));
     for (int run = 0; run < 8; ++run) check();
     expect_complete(basis);
