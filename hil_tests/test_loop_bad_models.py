@@ -8,8 +8,8 @@ from board_peer import (
     STIFFNESS_AT, SURFACE_AT, TICK_AT, TIP_SOURCE_AT, BoardInfo, LinkCodec, Model, lockstep, parse_status, square_model,
 )
 
-OK, PAYLOAD_MALFORMED, SCHEMA_MISMATCH, TOO_LARGE, NOT_FINITE, INCONSISTENT, SUPERSEDED, FROM_FUTURE = (
-    0, 17, 18, 32, 33, 34, 36, 37)
+OK, PAYLOAD_MALFORMED, SCHEMA_MISMATCH, TOO_LARGE, NOT_FINITE, INCONSISTENT, FROM_FUTURE = (
+    0, 17, 18, 32, 33, 34, 37)
 BASIS_MISSING, PART_INVALID, CRC_MISMATCH = 38, 39, 40
 # square_model has 16 nodes, 3 modes and one pair of friction coefficients.
 _SCALE_AT = BASIS_HEADER_BYTES + 4 * 3 * 16 + 4 * 6 * 3

@@ -26,6 +26,7 @@ extern "C" {
   palpate::board::console_begin();
   const palpate::golden::Result result = trace.run();
   print_line("model ", result.model_hash);
+  print_line("near ", result.near_hash);
   print_line("felt ", result.felt_hash);
   print_line("device ", result.device_hash);
   print_line("math ", result.math_hash);

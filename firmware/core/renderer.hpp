@@ -74,8 +74,8 @@ class Renderer {
   [[nodiscard]] const BasisStore& bases() const { return bases_; }
 
   // Background context. Decodes a serialized palpate.ModelState.1.0 into the shadow slot and starts to catch
-  // up; a shadow that was still catching up there is superseded. Where its basis is not complete the state
-  // waits for it, and one that was waiting is superseded. Anything but Status::ok leaves the active model as
+  // up. Where its basis is not complete, or the shadow is still catching up (kCatchUpHorizon_ticks), the
+  // state waits, and one that was waiting is superseded. Anything but Status::ok leaves the active model as
   // it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 

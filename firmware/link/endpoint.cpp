@@ -148,13 +148,7 @@ void Endpoint::send_model_reports() {
 }
 
 void Endpoint::note(const BasisStore::Event& event) {
-  if (event.status == Status::ok) {
-    ++counters_.bases_taken;
-  } else {
-    // A basis that is missed is asked for, not refused.
-    if (event.status != Status::basis_missing) ++counters_.bases_refused;
-    counters_.last_status = event.status;
-  }
+  if (event.status != Status::ok) counters_.last_status = event.status;
   const BasisStore& bases = renderer_.bases();
   palpate_BasisReport_1_0 message{};
   message.basis_id = event.id;
@@ -165,6 +159,7 @@ void Endpoint::note(const BasisStore::Event& event) {
     message.missing.count = missing.size();
     std::copy(missing.begin(), missing.end(), message.missing.elements);
   }
+  static_assert(kBasisSlots <= palpate_BasisReport_1_0_held_ARRAY_CAPACITY_);
   for (std::uint32_t slot = 0; slot < kBasisSlots; ++slot)
     if (const std::uint32_t id = bases.held(slot); id != 0) message.held.elements[message.held.count++] = id;
   (void)send(message, publication<palpate_BasisReport_1_0>(basis_transfers_));

@@ -46,9 +46,6 @@ class Endpoint {
   struct Counters {
     std::uint32_t models_taken = 0;
     std::uint32_t models_refused = 0;
-    std::uint32_t bases_taken = 0;
-    std::uint32_t bases_refused =
-        0;  // invalid pieces, bytes that are not those of the identifier, dropped ones
     std::uint32_t frames_refused = 0;  // good frames that mean nothing here: port, payload, or no room
     std::uint32_t frames_unsent = 0;
     Status last_status = Status::ok;  // the last that was not ok

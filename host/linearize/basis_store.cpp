@@ -45,9 +45,12 @@ std::shared_ptr<const StoredBasis> BasisStore::basis(const Ports& ports) {
   std::unique_lock lock(mutex_);
   for (;;) {
     if (auto found = in_memory(ports)) return found;
-    if (current_ != ports && (wanted_.empty() || wanted_.front() != ports)) wanted_.push_front(ports);
-    start();
-    changed_.notify_all();
+    // Once: threads that wait for different ones would push each other back for ever.
+    if (current_ != ports && std::find(waited_.begin(), waited_.end(), ports) == waited_.end()) {
+      waited_.push_back(ports);
+      start();
+      changed_.notify_all();
+    }
     changed_.wait(lock);
   }
 }
@@ -75,10 +78,11 @@ BasisCounts BasisStore::counts() const {
 void BasisStore::work() {
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [this] { return stop_ || !wanted_.empty(); });
+    changed_.wait(lock, [this] { return stop_ || !waited_.empty() || !wanted_.empty(); });
     if (stop_) return;
-    const Ports ports = std::move(wanted_.front());
-    wanted_.pop_front();
+    std::deque<Ports>& queue = waited_.empty() ? wanted_ : waited_;
+    const Ports ports = std::move(queue.front());
+    queue.pop_front();
     if (failed_.contains(ports) ||
         std::any_of(bases_.begin(), bases_.end(), [&](const Entry& e) { return e.first == ports; }))
       continue;

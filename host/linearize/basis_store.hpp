@@ -77,7 +77,7 @@ class BasisStore {
   std::list<Entry> bases_;           // latest used first
   std::size_t bytes_ = 0;
   std::map<Ports, std::exception_ptr> failed_;
-  std::deque<Ports> wanted_;
+  std::deque<Ports> waited_, wanted_;  // for the former a thread waits: they come first
   std::optional<Ports> current_;
   bool stop_ = false;
   BasisCounts counts_;

@@ -132,10 +132,6 @@ BodyResponse::BodyResponse(const Body& body, const BodyState& state, std::vector
 
 BodyResponse::~BodyResponse() = default;
 
-int BodyResponse::span() const {
-  return static_cast<int>(solver_->span.cols());
-}
-
 std::vector<Eigen::Matrix3cd> BodyResponse::compliance(double frequency_rad_s) {
   Solver& s = *solver_;
   const double w = frequency_rad_s;

@@ -32,9 +32,6 @@ class BodyResponse {
   // std::runtime_error where it does not converge: a body without damping at a resonance.
   std::vector<Eigen::Matrix3cd> compliance(double frequency_rad_s);
 
-  // Vectors of the span so far.
-  [[nodiscard]] int span() const;
-
  private:
   struct Solver;
   std::unique_ptr<Solver> solver_;

@@ -2,20 +2,17 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
 
+#include "host/linearize/compliance_error.hpp"
+
 namespace palpate::host {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
-
-double norm(const Eigen::Matrix3cd& matrix) {
-  return Eigen::JacobiSVD<Eigen::Matrix3cd>(matrix).singularValues()[0];
-}
 
 Eigen::MatrixXd off_diagonal(Eigen::MatrixXd matrix) {
   matrix.diagonal().setZero();

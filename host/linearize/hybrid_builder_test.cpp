@@ -29,7 +29,7 @@ SurfacePoint over(const Body& body, int i, int j) {
   return nearest_surface_point(body, body.rest_position_m(), between);
 }
 
-TEST(HybridBuilder, HasThePatchsNodesAndAllSpringsBetweenThem) {
+TEST(HybridBuilder, HasThePatchsNodesAndAllSpringsAtItsSurface) {
   const Body body = lattice(8);
   HybridBuilder builder(body, {}, 12, {kMiddle_rad_s}, 1e-3);
   const LocalModel model = builder.build(body.rest_state(), over(body, 3, 3), {});
@@ -37,7 +37,8 @@ TEST(HybridBuilder, HasThePatchsNodesAndAllSpringsBetweenThem) {
   EXPECT_EQ(model.surface_nodes, 16);
   ASSERT_EQ(model.node.size(), 32u);
   EXPECT_EQ(std::set<int>(model.node.begin(), model.node.end()).size(), 32u);
-  EXPECT_EQ(model.springs.size(), 184u);  // of 4 x 4 x 2 nodes with 26 neighbours each in the lattice
+  // Of 4 x 4 x 2 nodes with 26 neighbours each in the lattice 184; 42 of them lie below the surface.
+  EXPECT_EQ(model.springs.size(), 142u);
   EXPECT_EQ(model.basis.rows(), 96);
   for (const Spring& spring : model.springs) {
     EXPECT_NE(spring.i, spring.j);
@@ -48,16 +49,22 @@ TEST(HybridBuilder, HasThePatchsNodesAndAllSpringsBetweenThem) {
     for (const int corner : model.corner[t]) EXPECT_LT(corner, model.surface_nodes);
 }
 
-TEST(HybridBuilder, StaysWithinTheCapacityAtTheBodysEdges) {
+TEST(HybridBuilder, StaysWithinTheCapacityAtTheBodysEdgesAndForOtherPatches) {
   const Body body = lattice(8);
-  HybridBuilder builder(body, {}, 12, {kMiddle_rad_s}, 1e-3);
-  for (const auto& [i, j] : {std::pair{0, 3}, std::pair{0, 0}, std::pair{6, 6}, std::pair{3, 6}}) {
-    const LocalModel model = builder.build(body.rest_state(), over(body, i, j), {});
-    EXPECT_LE(model.modes(), static_cast<Eigen::Index>(kMaxModes));
-    EXPECT_LE(model.node.size(), kMaxSurfaceNodes);
-    EXPECT_LE(static_cast<std::size_t>(model.basis.size()), kMaxBasis);
-    EXPECT_LE(model.springs.size(), kMaxSprings);
-    EXPECT_GE(model.springs.size(), 100u);
+  for (const PatchSize& size : {PatchSize{4, 4, 2}, PatchSize{4, 4, 3}, PatchSize{4, 4, 4},
+                                PatchSize{4, 3, 3}, PatchSize{3, 3, 4}, PatchSize{2, 2, 8}}) {
+    HybridBuilder builder(body, size, 12, {kMiddle_rad_s}, 1e-3);
+    for (const auto& [i, j] :
+         {std::pair{3, 3}, std::pair{0, 3}, std::pair{0, 0}, std::pair{6, 6}, std::pair{3, 6}}) {
+      const LocalModel model = builder.build(body.rest_state(), over(body, i, j), {});
+      EXPECT_LE(model.modes(), static_cast<Eigen::Index>(kMaxNearModes));
+      EXPECT_LE(model.node.size(), kMaxSurfaceNodes);
+      EXPECT_LE(static_cast<std::size_t>(model.basis.size()), kMaxBasis);
+      EXPECT_LE(model.springs.size(), kMaxSprings);
+      if (size.depth == 2) {
+        EXPECT_GE(model.springs.size(), 100u);
+      }
+    }
   }
 }
 

@@ -16,13 +16,16 @@ namespace {
 // the contact the body hardly bends (docs/decisions/whole_body.md has what it costs and saves).
 constexpr double kUnchanged = 3e-2;
 
-// The surface nodes of a model that has no more modes than the capacity. With nodes below the surface it has
-// as many nodes as the capacity allows.
+// With nodes below the surface a model has as many nodes as the capacity allows.
+int most_modes(const LocalModelCapacity& capacity, int near_nodes) {
+  if (near_nodes == 0) return capacity.modes;
+  return std::min(capacity.modes, capacity.basis / (3 * capacity.surface_nodes));
+}
+
+// The surface nodes of a model that has no more modes than that.
 int most_ports(const Shifts& shifts, const LocalModelCapacity& capacity, int near_nodes) {
-  const int modes = near_nodes > 0 ? std::min(capacity.modes, capacity.basis / (3 * capacity.surface_nodes))
-                                   : capacity.modes;
   int ports = capacity.surface_nodes;
-  while (ports > 0 && shifts.most_modes(ports + near_nodes) > modes) --ports;
+  while (ports > 0 && shifts.most_modes(ports + near_nodes) > most_modes(capacity, near_nodes)) --ports;
   return ports;
 }
 
@@ -84,8 +87,10 @@ KrylovBuilder::KrylovBuilder(const Body& body, const PatchSize& patch, TangentAt
       bent_(body) {
   if (port_limit_ < patch.along_first * patch.along_second)
     throw std::invalid_argument(
-        "the local model has " + std::to_string(shifts.most_modes(patch.along_first * patch.along_second)) +
-        " modes, 3 for each surface node and frequency, allowed: at most " + std::to_string(capacity.modes));
+        "the local model has " +
+        std::to_string(shifts.most_modes(patch.along_first * patch.along_second + near_nodes)) +
+        " modes, 3 for each node in them and frequency, allowed: at most " +
+        std::to_string(most_modes(capacity, near_nodes)));
 }
 
 std::uint32_t KrylovBuilder::foresight_ticks() const {

@@ -4,26 +4,24 @@
 #include <cstddef>
 #include <vector>
 
+#include "host/linearize/patch_selection.hpp"
+
 namespace palpate::host {
 namespace {
 
-std::vector<int> nodes_below(const LocalModel& model, const Body& body) {
-  std::vector<int> below;
-  for (const int node : model.dof_node)
-    if (std::find(model.node.begin(), model.node.end(), node) == model.node.end() &&
-        (below.empty() || below.back() != node))
-      below.push_back(node);
-  const Eigen::Vector3d centre_m = model.origin_m + model.rest_m.rowwise().mean();
-  const auto distance = [&](int node) { return (body.rest_position_m().col(node) - centre_m).squaredNorm(); };
-  std::stable_sort(below.begin(), below.end(), [&](int a, int b) { return distance(a) < distance(b); });
-  return below;
+// Ascending; those on the surface of a model and below it that move, and none twice.
+std::vector<int> moving_nodes(const LocalModel& model) {
+  std::vector<int> nodes = model.dof_node;
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  return nodes;
 }
 
 }  // namespace
 
 void add_near_field(LocalModel& model, const Body& body, const BodyState& state,
                     const LocalModelCapacity& capacity) {
-  std::vector<int> below = nodes_below(model, body);
+  std::vector<int> below = nodes_below(body, moving_nodes(model), model.node);
   const auto room = static_cast<std::size_t>(surface_limit(capacity, model.modes())) - model.node.size();
   if (below.size() > room) below.resize(room);
   std::sort(below.begin(), below.end());
@@ -49,7 +47,8 @@ void add_near_field(LocalModel& model, const Body& body, const BodyState& state,
   }
   for (const Spring& spring : body.springs()) {
     const int i = column[static_cast<std::size_t>(spring.i)], j = column[static_cast<std::size_t>(spring.j)];
-    if (i < 0 || j < 0) continue;
+    // Only springs at a node of the surface can come near.
+    if (i < 0 || j < 0 || (i >= surface && j >= surface)) continue;
     model.springs.push_back({i, j, spring.stiffness_N_m, spring.damping_N_s_m, spring.rest_length_m});
   }
 }

@@ -1,28 +1,9 @@
 #include "host/linearize/patch_bases.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace palpate::host {
-
-Ports PatchBases::below(const PatchBasis& patch) const {
-  const Eigen::Matrix3Xd& rest_m = body_.rest_position_m();
-  Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
-  for (const int node : patch.nodes) middle_m += rest_m.col(node) / static_cast<double>(patch.nodes.size());
-  Ports nodes;
-  for (const int node : patch.nodes)
-    if (!body_.fixed(node) && !std::binary_search(patch.surface.node.begin(), patch.surface.node.end(), node))
-      nodes.push_back(node);
-  // In millionths of the patch's size, so that equal distances stay in the order of their nodes.
-  const double size_m2 = (rest_m.col(patch.nodes.front()) - middle_m).squaredNorm();
-  const auto distance = [&](int node) {
-    return std::llround(1e6 * (rest_m.col(node) - middle_m).squaredNorm() / size_m2);
-  };
-  std::stable_sort(nodes.begin(), nodes.end(), [&](int a, int b) { return distance(a) < distance(b); });
-  if (std::ssize(nodes) > near_nodes_) nodes.resize(static_cast<std::size_t>(near_nodes_));
-  return nodes;
-}
 
 PatchBasis PatchBases::wanted(const SurfacePoint& contact) const {
   PatchBasis patch;
@@ -35,8 +16,10 @@ PatchBasis PatchBases::wanted(const SurfacePoint& contact) const {
                           [&](int node) { return std::find(cell.begin(), cell.end(), node) != cell.end(); });
   }
   if (near_nodes_ > 0) {
-    const Ports more = below(patch);
-    patch.ports.insert(patch.ports.end(), more.begin(), more.end());
+    Ports below = nodes_below(body_, patch.nodes, patch.surface.node);
+    std::erase_if(below, [this](int node) { return body_.fixed(node); });
+    if (std::ssize(below) > near_nodes_) below.resize(static_cast<std::size_t>(near_nodes_));
+    patch.ports.insert(patch.ports.end(), below.begin(), below.end());
   }
   return patch;
 }

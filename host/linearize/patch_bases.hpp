@@ -24,8 +24,9 @@ struct PatchBasis {
 
 class PatchBases {
  public:
-  // A patch has at most port_limit ports on the surface: at the body's edges, where more nodes are on the
-  // surface, those nearest to the contact. The body must outlive it. Throws as BasisSource does.
+  // near_nodes: as many free nodes below the surface are ports, too (nodes_below), those nearest to its
+  // middle. A patch has at most port_limit ports on the surface: at the body's edges, where more nodes are on
+  // the surface, those nearest to the contact. The body must outlive it. Throws as BasisSource does.
   PatchBases(const Body& body, const PatchSize& size, int port_limit, const Shifts& shifts,
              const BasisPolicy& policy, int near_nodes = 0)
       : body_(body),
@@ -47,8 +48,6 @@ class PatchBases {
   [[nodiscard]] std::size_t waits() const { return waits_; }
 
  private:
-  // Free nodes of the patch below its surface, those nearest to its middle first, near_nodes at most.
-  [[nodiscard]] Ports below(const PatchBasis& patch) const;
   [[nodiscard]] PatchBasis wanted(const SurfacePoint& contact) const;
 
   const Body& body_;

@@ -146,4 +146,24 @@ SubsetSurface subset_surface(const Body& body, const std::vector<int>& nodes, co
   return surface;
 }
 
+std::vector<int> nodes_below(const Body& body, const std::vector<int>& patch,
+                             const std::vector<int>& surface) {
+  const Eigen::Matrix3Xd& rest_m = body.rest_position_m();
+  Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
+  for (const int node : surface) middle_m += rest_m.col(node) / static_cast<double>(surface.size());
+  std::vector<int> below;
+  double farthest_m2 = 0;
+  for (const int node : patch) {
+    if (std::binary_search(surface.begin(), surface.end(), node)) continue;
+    below.push_back(node);
+    farthest_m2 = std::max(farthest_m2, (rest_m.col(node) - middle_m).squaredNorm());
+  }
+  // In millionths of the largest, so that rounding does not decide between equal ones.
+  const auto distance = [&](int node) {
+    return std::llround(1e6 * (rest_m.col(node) - middle_m).squaredNorm() / farthest_m2);
+  };
+  std::stable_sort(below.begin(), below.end(), [&](int a, int b) { return distance(a) < distance(b); });
+  return below;
+}
+
 }  // namespace palpate::host

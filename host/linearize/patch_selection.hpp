@@ -45,4 +45,9 @@ struct SubsetSurface {
 SubsetSurface subset_surface(const Body& body, const std::vector<int>& nodes, const SurfacePoint& contact,
                              int node_limit);
 
+// The nodes of a patch that are not on its surface (ascending), those nearest to the middle of the surface at
+// rest first, equal ones in the order of their numbers.
+std::vector<int> nodes_below(const Body& body, const std::vector<int>& patch,
+                             const std::vector<int>& surface);
+
 }  // namespace palpate::host

@@ -45,7 +45,7 @@ void BasisSender::take(const palpate_BasisReport_1_0& report) {
   for (std::size_t block = 0; block < wanted_.size(); ++block) {
     // Of what is not known at all everything is missing.
     const bool missing = report.missing.count == 0 || block / 8 >= report.missing.count ||
-                         (report.missing.elements[block / 8] >> block % 8 & 1u) != 0u;
+                         (unsigned{report.missing.elements[block / 8]} >> block % 8 & 1u) != 0u;
     wanted_[block] = wanted_[block] || missing;
   }
   // The last block is what the board answers.

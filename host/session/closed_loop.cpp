@@ -94,9 +94,13 @@ class Host {
       const std::array<float, 3>& tip = recorded[found->second].board.tip_m;
       const Vec3d truth{static_cast<double>(tip[0]), static_cast<double>(tip[1]),
                         static_cast<double>(tip[2])};
-      for (UpdateRecord& update : result_.updates)
-        if (update.sequence == guess.sequence)
-          update.interpolation_error_m = std::max(update.interpolation_error_m, norm(guess.tip_m - truth));
+      // Of the first model since then that was sent.
+      const auto builds_on =
+          std::find_if(result_.updates.begin(), result_.updates.end(),
+                       [&](const UpdateRecord& update) { return update.sequence >= guess.sequence; });
+      if (builds_on != result_.updates.end())
+        builds_on->interpolation_error_m =
+            std::max(builds_on->interpolation_error_m, norm(guess.tip_m - truth));
     }
     if (!has_peak_) {
       result_.state_at_peak = session_.state();
@@ -160,10 +164,12 @@ class Host {
       }
       if (!held) {
         // It waits here, not on the board, for the basis to come; a newer one takes its place.
+        if (held_back_) update.interpolated_ticks += held_back_->interpolated_ticks;
         held_back_ = std::move(update);
         return;
       }
     }
+    if (held_back_) update.interpolated_ticks += held_back_->interpolated_ticks;
     held_back_.reset();
     send_state(update, tick, frames);
   }

@@ -7,12 +7,12 @@
 #include <numbers>
 #include <vector>
 
+#include "firmware/core/renderer_test_support.hpp"
 #include "host/linearize/hybrid_builder.hpp"
 #include "host/msd/lattice.hpp"
 #include "host/msd/vectors.hpp"
 #include "host/session/body_surface.hpp"
 #include "host/session/model_message.hpp"
-#include "host/session/model_replay.hpp"
 
 namespace palpate::host {
 namespace {
@@ -32,9 +32,10 @@ struct Error {
 };
 
 // The tip is pressed into a place within a triangle, sticking, at constant speed; a model is made when it is
-// depth_m deep and goes on alone for `ticks`, over the same tip path as the full body.
-Error follow(const Material& material, double depth_m, double speed_m_s, int ticks,
-             double sideways_m_s = 0.0) {
+// depth_m deep and goes on alone for `ticks`, over the same tip path as the full body. The board hears of it
+// `late` ticks after that, replays them, and its error counts once it has caught up.
+Error follow(const Material& material, double depth_m, double speed_m_s, int ticks, double sideways_m_s = 0.0,
+             int late = 0) {
   LatticeSpec spec;
   spec.nodes = {8, 8, 8};
   spec.stiffness_N_m = material.stiffness_N_m;
@@ -62,15 +63,29 @@ Error follow(const Material& material, double depth_m, double speed_m_s, int tic
   auto message = std::make_unique<wire::ModelContents>();
   pack_model(model, {1, static_cast<std::uint32_t>(made), 1000, TipSource::counts, ModelKind::modes}, law,
              SurfaceKind::smooth, surface.friction(), contact, *message);
-  ModelReplay replay(wire::pack(*message), narrow(tip(made)));
+
+  auto renderer = std::make_unique<firmware::Renderer>(wire::kSchemaHash);
+  firmware::ModelReport report;
+  const auto tick = [&](int t) { return renderer->isr_tick(static_cast<std::uint32_t>(t), narrow(tip(t))); };
+  (void)tick(made);
+  int rendered = 0;
   Error error;
   for (int t = made + 1; t <= made + ticks; ++t) {
+    if (t == made + 1 + late) {
+      EXPECT_EQ(firmware::test::deliver(*renderer, *message, report), Status::ok);
+      // Not late: decoded, checked and caught up before the next tick.
+      for (int pass = 0; pass < 3 && late == 0; ++pass) (void)renderer->catch_up(report);
+    }
     const Vec3d exact_N = advance_tick(surface, contact, law, tip(t - 1), tip(t)).mean_force_N;
-    const firmware::ServoSample sample = replay.step(narrow(tip(t)));
+    const firmware::ServoSample sample = tick(t);
+    (void)renderer->catch_up(report);
+    if (renderer->model_sequence() == 0) continue;
+    ++rendered;
     error.at_end = norm(widen(sample.force_N) - exact_N) / norm(exact_N);
     // The first period has no near force yet.
     if (t > made + 3) error.worst = std::max(error.worst, error.at_end);
   }
+  EXPECT_GT(rendered, (ticks - late) / 3);
   return error;
 }
 
@@ -81,6 +96,12 @@ TEST(HybridModel, FollowsADeepPressForTwoFrames) {
   EXPECT_LT(error.worst, 0.006);
   const Error slow = follow({}, 5e-3, 0.005, 66);
   EXPECT_LT(slow.worst, 0.003);
+}
+
+// A frame late: what is replayed has its near forces every eighth tick only.
+TEST(HybridModel, FollowsADeepPressWhenItHasCaughtUp) {
+  EXPECT_LT(follow({}, 5e-3, 0.015, 66, 0.0, 20).worst, 0.006);
+  EXPECT_LT(follow({}, 5e-3, 0.005, 99, 0.0, 33).worst, 0.003);
 }
 
 TEST(HybridModel, FollowsAPressAskew) {

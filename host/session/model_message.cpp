@@ -63,6 +63,8 @@ void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double
 // Springs of equal constants are one kind.
 void pack_springs(const LocalModel& model, wire::ModelContents& message) {
   require_at_most(model.springs.size(), kMaxSprings, "springs of the near field");
+  if (!model.springs.empty())
+    require_at_most(static_cast<std::size_t>(model.modes()), kMaxNearModes, "modes of a model with springs");
   std::vector<std::array<double, 3>> kinds;
   message.spring_kind.count = model.springs.size();
   message.spring_end.count = 2 * model.springs.size();
@@ -98,7 +100,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   const auto modes = static_cast<std::size_t>(model.modes());
   const std::size_t nodes = model.node.size(), triangles = model.triangle.size();
   require_at_most(modes, kMaxModes, "modes");
-  require_at_most(nodes, kMaxSurfaceNodes, "surface nodes");
+  require_at_most(nodes, kMaxSurfaceNodes, "nodes");
   require_at_most(triangles, kMaxTriangles, "triangles");
   require_at_most(3 * nodes * modes, kMaxBasis, "entries of the basis");
 

@@ -143,7 +143,7 @@ TEST_F(ModelMessageTest, RefusesWhatTheWireCannotCarry) {
   EXPECT_EQ(refusal(), "local model: triangles = 97: must be at most 96");
   model_ = good;
   model_.node.resize(kMaxSurfaceNodes + 1);
-  EXPECT_EQ(refusal(), "local model: surface nodes = 33: must be at most 32");
+  EXPECT_EQ(refusal(), "local model: nodes = 33: must be at most 32");
   model_ = good;
   model_.q.resize(kMaxModes + 1);
   EXPECT_EQ(refusal(), "local model: modes = 193: must be at most 192");

@@ -150,6 +150,11 @@ void run_math(Result& result) {
   result.math_hash = hash.value();
 }
 
+// Along a row or column, and a diagonal.
+constexpr std::array<float, 2> kSpringLength_m{kSpacing_m, 1.41421f * kSpacing_m};
+constexpr std::array<float, 2> kSpringStiffness_N_m{100.0f, 70.0f};
+constexpr std::array<float, 2> kSpringDamping_N_s_m{0.4f, 0.3f};
+
 }  // namespace
 
 void Fnv1a::add(std::uint32_t word) {
@@ -227,8 +232,47 @@ void GoldenTrace::build_model() {
   state_ = {};
 }
 
+// Along the rows, the columns and the diagonals, at rest where the masses are undisturbed.
+void GoldenTrace::connect_neighbours() {
+  for (std::size_t n = 0; n < kNodes; ++n) {
+    rest_m_[3 * n] = static_cast<float>(n % kSide) * kSpacing_m;
+    rest_m_[3 * n + 1] = static_cast<float>(n / kSide) * kSpacing_m;
+  }
+  std::size_t s = 0;
+  for (std::size_t j = 1; j < kNodes; ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const std::size_t column = i % kSide > j % kSide ? i % kSide - j % kSide : j % kSide - i % kSide,
+                        row = j / kSide - i / kSide;
+      if (column > 1 || row > 1) continue;
+      spring_end_[2 * s] = static_cast<std::uint8_t>(i);
+      spring_end_[2 * s + 1] = static_cast<std::uint8_t>(j);
+      spring_kind_[s++] = static_cast<std::uint8_t>(column + row - 1);
+    }
+  }
+  view_.springs = s;
+  view_.rest_m = rest_m_.data();
+  view_.spring_end = spring_end_.data();
+  view_.spring_kind = spring_kind_.data();
+  view_.spring_kinds = kSpringLength_m.size();
+  view_.spring_stiffness_N_m = kSpringStiffness_N_m.data();
+  view_.spring_damping_N_s_m = kSpringDamping_N_s_m.data();
+  view_.spring_length_m = kSpringLength_m.data();
+}
+
 void GoldenTrace::run_model(Result& result) {
   build_model();
+  result.model_hash = run_movements(result.counters);
+  result.work += surface_.work();
+}
+
+void GoldenTrace::run_near(Result& result) {
+  build_model();
+  connect_neighbours();
+  result.near_hash = run_movements(result.near);
+  result.work += surface_.work();
+}
+
+std::uint64_t GoldenTrace::run_movements(Counters& counters) {
   Fnv1a hash;
   hash.add(static_cast<std::uint32_t>(check(view_, state_)));
   surface_.bind(view_, state_);
@@ -237,6 +281,8 @@ void GoldenTrace::run_model(Result& result) {
   std::uint32_t tick = 0;
   for (const Movement& movement : kMovements) {
     friction_ = movement.friction;
+    // As while a model catches up, and as when it has.
+    surface_.set_near_period(tick % 2 == 0 ? 8 : kNearPeriod_steps);
     for (std::uint32_t i = 1; i <= movement.ticks; ++i, ++tick) {
       const float fraction = static_cast<float>(i) / static_cast<float>(movement.ticks);
       const SinCos turn = sin_cos(kCircle_rad_per_tick * static_cast<float>(i % 125));
@@ -245,7 +291,7 @@ void GoldenTrace::run_model(Result& result) {
       const ContactState<float> before = contact;
       step_contact(surface_, contact, movement.law, tip_m, next_m);
       tip_m = next_m;
-      count(result.counters, before, contact);
+      count(counters, before, contact);
 
       hash.add(static_cast<std::uint32_t>(contact.mode));
       hash.add(contact.force_N);
@@ -265,8 +311,7 @@ void GoldenTrace::run_model(Result& result) {
     }
     start_m = movement.to_m;
   }
-  result.work += surface_.work();
-  result.model_hash = hash.value();
+  return hash.value();
 }
 
 void GoldenTrace::run_felt(Result& result) {
@@ -326,6 +371,7 @@ void GoldenTrace::run_felt(Result& result) {
 Result GoldenTrace::run() {
   Result result{};
   run_model(result);
+  run_near(result);
   run_felt(result);
   run_device(result);
   run_math(result);

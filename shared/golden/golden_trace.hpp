@@ -44,11 +44,13 @@ struct Counters {
 
 struct Result {
   std::uint64_t model_hash = 0;   // model and contact
+  std::uint64_t near_hash = 0;    // model and contact with springs near the contact
   std::uint64_t felt_hash = 0;    // the same as an arm feels it: estimated tip, couplings, flat triangles
   std::uint64_t device_hash = 0;  // kinematics, statics, encoders
   std::uint64_t math_hash = 0;    // sine and cosine
-  std::uint32_t work = 0;         // of the first two (ModalSurface::work): what the board plans with
+  std::uint32_t work = 0;         // of the first three (ModalSurface::work): what the board plans with
   Counters counters{};            // of the model
+  Counters near{};
   Counters felt{};
   float farthest_estimate_m = 0.0f;  // of the tip from that of the counts
 };
@@ -67,7 +69,11 @@ class GoldenTrace {
   static constexpr std::size_t kModes = 3 * kNodes;
 
   void build_model();
+  void connect_neighbours();
   void run_model(Result& result);
+  void run_near(Result& result);
+  // Model and contact through all movements.
+  std::uint64_t run_movements(Counters& counters);
   void run_felt(Result& result);
 
   std::array<float, 3 * kNodes> position_m_{};
@@ -79,6 +85,10 @@ class GoldenTrace {
   std::array<float, kModes> load_{};
   std::array<float, kModes> basis_scale_{};
   std::array<std::int16_t, 3 * kNodes * kModes> basis_{};
+  static constexpr std::size_t kSprings = 2 * kSide * (kSide - 1) + 2 * (kSide - 1) * (kSide - 1);
+  std::array<float, 3 * kNodes> rest_m_{};
+  std::array<std::uint8_t, 2 * kSprings> spring_end_{};
+  std::array<std::uint8_t, kSprings> spring_kind_{};
   LocalModelView view_{};
   ModalState state_{};
   ModalSurface surface_{};

@@ -35,6 +35,16 @@ TEST(GoldenTrace, GoesThroughEverythingThatContactCanDo) {
   EXPECT_LT(counters.largest_force_N, 20.0f);
 }
 
+TEST(GoldenTrace, FeelsItsSprings) {
+  const auto trace = std::make_unique<GoldenTrace>();
+  const Result result = trace->run();
+  EXPECT_NE(result.near_hash, result.model_hash);
+  EXPECT_GE(result.near.stick_ticks, 300u);
+  EXPECT_GE(result.near.slip_ticks, 800u);
+  EXPECT_GE(result.near.edge_crossings, 10u);
+  EXPECT_LT(result.near.largest_force_N, 20.0f);
+}
+
 TEST(GoldenTrace, IsFeltInEveryWay) {
   const auto trace = std::make_unique<GoldenTrace>();
   const Result result = trace->run();
@@ -62,6 +72,7 @@ TEST(GoldenTrace, RunsTheSameEachTime) {
   const Result first = trace->run(), second = trace->run(), third = other->run();
   for (const Result& again : {second, third}) {
     EXPECT_EQ(again.model_hash, first.model_hash);
+    EXPECT_EQ(again.near_hash, first.near_hash);
     EXPECT_EQ(again.felt_hash, first.felt_hash);
     EXPECT_EQ(again.work, first.work);
     EXPECT_EQ(again.device_hash, first.device_hash);

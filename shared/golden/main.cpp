@@ -13,6 +13,7 @@ int main() {
     std::printf("%s %016" PRIx64 "\n", name, value);
   };
   print_line("model", result.model_hash);
+  print_line("near", result.near_hash);
   print_line("felt", result.felt_hash);
   print_line("device", result.device_hash);
   print_line("math", result.math_hash);

@@ -1,6 +1,5 @@
 #include "shared/model/modal_surface.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "shared/math/dot16.hpp"
@@ -21,6 +20,9 @@ constexpr ModalSurfaceWork work_of(std::size_t modes, bool with_near_field) {
 }
 constexpr std::uint32_t work_of_near_forces(std::size_t springs) {
   return 2000 + 250 * static_cast<std::uint32_t>(springs);
+}
+constexpr std::uint32_t work_of_following(std::size_t springs) {  // the contact to another triangle
+  return 2000 + 130 * static_cast<std::uint32_t>(springs);
 }
 constexpr std::uint32_t work_of_projection(std::size_t rows, std::size_t modes) {
   return 1000 + 17 * static_cast<std::uint32_t>(rows * modes) / 10;
@@ -186,7 +188,10 @@ bool ModalSurface::normal_is_fresh(std::uint32_t node, std::uint32_t step) const
 }
 
 void ModalSurface::prepare(std::uint32_t triangle) {
-  near_.follow(model_, triangle);
+  if (near_.follow(model_, triangle)) {
+    near_work_ += work_of_following(near_.springs());
+    work_ += work_of_following(near_.springs());
+  }
   for (const std::uint32_t node : corners(triangle)) {
     (void)position(node);
     if (model_.surface != SurfaceKind::flat && normal_is_fresh(node, step_ + 1)) continue;
@@ -233,6 +238,22 @@ Vec3f ModalSurface::start_velocity_m_s(std::uint32_t node) const {
     v[axis] = sum;
   }
   return v;
+}
+
+void ModalSurface::set_near_period(std::uint32_t steps) {
+  // Forces that have not been projected yet are for the middle of the other period: they are computed anew.
+  if (near_waiting_ && steps != near_period_) near_due_ = true;
+  near_period_ = steps;
+}
+
+// No springs are near. What they did so far ends.
+void ModalSurface::pause_near_field() {
+  near_.skip();
+  if (near_due_) return;
+  near_load_ = near_rise_ = {};
+  near_due_ = true;
+  near_waiting_ = false;
+  near_age_ = 0;
 }
 
 // In one step the forces on the nodes, in the next what they do to the modes. Those act from then on until
@@ -285,7 +306,7 @@ void ModalSurface::project_near_field() {
   std::array<Row16, 3 * kMaxSurfaceNodes> row;
   std::size_t rows = 0;
   for (std::uint32_t n = 0; n < model_.nodes; ++n) {
-    if ((near_.nodes() >> n & 1u) == 0u) continue;
+    if (force[n] == Vec3f{}) continue;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const float f = force[n][axis] * inverse;
       row[rows++] = {static_cast<std::uint16_t>(3 * n + axis),
@@ -309,9 +330,7 @@ void ModalSurface::project_near_field() {
 
 void ModalSurface::advance() {
   if (near_.is_empty()) {
-    near_.skip();
-    near_due_ = true;
-    near_age_ = 0;
+    pause_near_field();
   } else {
     step_near_field();
   }

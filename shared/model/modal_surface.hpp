@@ -74,9 +74,8 @@ class ModalSurface {
   PointResponse<float> respond(std::uint32_t triangle, const Vec3f& barycentric);
   void apply(std::uint32_t triangle, const Vec3f& barycentric, const Vec3f& force_N);
 
-  // How often the near field is computed, in steps, from its next time on; at least 2. kNearPeriod_steps
-  // after bind().
-  void set_near_period(std::uint32_t steps) { near_period_ = steps; }
+  // How often the near field is computed, in steps; at least 2. kNearPeriod_steps after bind().
+  void set_near_period(std::uint32_t steps);
 
   // What was computed since bind(), in Cortex-M4F instructions (a good estimate; modulo 2^32).
   [[nodiscard]] std::uint32_t work() const { return work_; }
@@ -94,6 +93,7 @@ class ModalSurface {
   void load_point(std::uint32_t triangle, const Vec3f& barycentric);
   void moved();
   [[nodiscard]] Vec3f start_velocity_m_s(std::uint32_t node) const;
+  void pause_near_field();
   void step_near_field();
   void project_near_field();
 

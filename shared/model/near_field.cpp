@@ -21,7 +21,6 @@ Vec3f at(const float* values, std::uint32_t node) {
 void NearField::bind() {
   triangle_ = 0xffffffffu;
   count_ = 0;
-  nodes_ = 0;
   force_N_ = {};
   before_known_ = true;
 }
@@ -31,8 +30,8 @@ void NearField::start_with(const LocalModelView& model, std::uint32_t node, cons
   before_m_[node] = at(model.position_m, node) - velocity_m_s * kStep_s;
 }
 
-void NearField::follow(const LocalModelView& model, std::uint32_t triangle) {
-  if (triangle == triangle_ || model.springs == 0) return;
+bool NearField::follow(const LocalModelView& model, std::uint32_t triangle) {
+  if (triangle == triangle_ || model.springs == 0) return false;
   triangle_ = triangle;
   count_ = 0;
   const std::uint8_t* corner = model.corner + 3 * triangle;
@@ -51,8 +50,8 @@ void NearField::follow(const LocalModelView& model, std::uint32_t triangle) {
       force = e * (k * (length - model.spring_length_m[kind]) + b * dot(w, e));
     }
     spring_[count_++] = {i, j, kind, n, n * (k * dot(n, u) + b * dot(n, w)) - force};
-    nodes_ |= 1u << i | 1u << j;
   }
+  return true;
 }
 
 void NearField::evaluate(const LocalModelView& model, const std::array<Vec3f, kMaxSurfaceNodes>& position_m,

@@ -22,18 +22,18 @@
 
 namespace palpate {
 
-// Of one model, for all calls until the next bind(). Springs at the three nodes of a triangle on a flat
-// lattice face: 48.
+// Springs at the three nodes of a triangle on a flat lattice face: 48. Further ones are left out.
 inline constexpr std::size_t kMaxNearSprings = 48;
 
+// Of one model: the same in all calls until the next bind().
 class NearField {
  public:
   // Starts without springs, with no force; then, for each node, its velocity at the model's start.
   void bind();
   void start_with(const LocalModelView& model, std::uint32_t node, const Vec3f& velocity_m_s);
 
-  // Takes the springs that end at a node of the triangle; nothing changes where they are that already.
-  void follow(const LocalModelView& model, std::uint32_t triangle);
+  // Takes the springs that end at a node of the triangle. False: they are that already.
+  bool follow(const LocalModelView& model, std::uint32_t triangle);
   [[nodiscard]] bool is_empty() const { return count_ == 0; }
 
   // A step goes by without evaluate(): what is known of the positions before is of no use any more.
@@ -45,8 +45,6 @@ class NearField {
                 std::uint32_t elapsed_steps, float ahead_steps);
   // On each node; zero for those without a near spring.
   [[nodiscard]] const std::array<Vec3f, kMaxSurfaceNodes>& force_N() const { return force_N_; }
-  // A bit for each node that has ever had a near spring since bind().
-  [[nodiscard]] std::uint32_t nodes() const { return nodes_; }
   [[nodiscard]] std::size_t springs() const { return count_; }
 
  private:
@@ -55,14 +53,12 @@ class NearField {
     Vec3f direction;   // n
     Vec3f constant_N;  // - F(U0, W0) + n n' (k U0 + b W0)
   };
-  [[nodiscard]] Vec3f start_separation(const NearSpring& spring) const;
 
   std::uint32_t triangle_ = 0xffffffffu;
   std::size_t count_ = 0;
   std::array<NearSpring, kMaxNearSprings> spring_{};
   std::array<Vec3f, kMaxSurfaceNodes> start_velocity_m_s_{}, before_m_{}, force_N_{};
   bool before_known_ = false;
-  std::uint32_t nodes_ = 0;
 };
 
 }  // namespace palpate

@@ -19,19 +19,21 @@ bool is_within(float value, float low, float high) {
   return value >= low && value <= high;
 }
 
-template <class T>
-const T* at(std::span<const std::uint8_t> bytes, std::size_t offset) {
-  return reinterpret_cast<const T*>(bytes.data() + offset);
-}
-
-}  // namespace
-
+// What the tip brings to the contact. Beyond the bounds that a scene has (docs/scenes.md) it is a fault of
+// its sender.
 bool is_valid(const ContactLaw<float>& law) {
   const bool kinematic = law.coupling.stiffness_N_m == 0.0f;
   return is_within(law.tip_radius_m, 0.0f, kLargestTipRadius_m) &&
          (kinematic || is_within(law.coupling.stiffness_N_m, kSoftestCoupling_N_m, kStiffestCoupling_N_m)) &&
          is_within(law.coupling.damping_N_s_m, 0.0f, kLargestCouplingDamping_N_s_m);
 }
+
+template <class T>
+const T* at(std::span<const std::uint8_t> bytes, std::size_t offset) {
+  return reinterpret_cast<const T*>(bytes.data() + offset);
+}
+
+}  // namespace
 
 Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash, LocalModelView& view,
                   ContactLaw<float>& law) {

@@ -78,10 +78,6 @@ inline constexpr std::size_t kMaxBasisBytes =
                  kMaxSpringKinds)
         .bytes;
 
-// What the tip brings to the contact. Beyond the bounds that a scene has (docs/scenes.md) it is a fault of
-// its sender.
-bool is_valid(const ContactLaw<float>& law);
-
 // Reads a basis where it lies: `view` points into `bytes`, which must be aligned to 4; position_m is that of
 // the basis, load is missing. Status::schema_mismatch, model_too_large (a count beyond its capacity), or
 // model_inconsistent (lengths that do not fit, law out of bounds). Numbers in the arrays are for

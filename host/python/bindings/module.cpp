@@ -10,6 +10,7 @@ NB_MODULE(_core, module) {
   module.doc() = "The C++ core of palpate; see _core.pyi.";
   module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
   module.attr("MAX_MODES") = palpate::kMaxModes;
+  module.attr("MAX_HYBRID_MODES") = palpate::kMaxBasis / (3 * palpate::kMaxSurfaceNodes);
   module.attr("RENDERER_BYTES") = sizeof(palpate::firmware::Renderer);
   module.def("run_closed_loop", &palpate::python::run_closed_loop, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "progress"_a, "cache_folder"_a);

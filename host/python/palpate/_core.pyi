@@ -15,6 +15,8 @@ Progress = Callable[[int, int], bool]
 
 # The most modes that a local model on the board may have.
 MAX_MODES: int
+# Of one with as many nodes as it may have.
+MAX_HYBRID_MODES: int
 # What the board's renderer takes on this machine: models in their slots, tip history. On the board pointers are shorter.
 RENDERER_BYTES: int
 

@@ -2,6 +2,7 @@
 `scene_body`."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from itertools import product
 
@@ -21,6 +22,7 @@ from palpate.scene_sections import (
 # Capacity of a local model (kMaxFrictions in shared/model).
 MAX_FRICTIONS = 4
 MAX_MODES = 192  # of a local model on the board (shared/model/local_model.hpp)
+MAX_HYBRID_MODES = 96  # of one with as many nodes as it may have
 MAX_PATCH_NODES = 64
 # 1.2 GB of positions and velocities in memory and in the record.
 MAX_EXPORTED_NODES = 25_000_000
@@ -275,6 +277,17 @@ def _check_hand(reader: Reader, hand: Hand) -> None:
             )
 
 
+def largest_face(patch_nodes: Sequence[int]) -> int:
+    """Nodes of the largest face of a patch."""
+    x, y, z = patch_nodes
+    return max(x * y, x * z, y * z)
+
+
+def hybrid_modes(patch_nodes: Sequence[int], near_nodes: int, middle_shifts_Hz: Sequence[float]) -> int:
+    """The most modes of a local model of builder hybrid; without middle_shifts_Hz it has one."""
+    return 3 * (largest_face(patch_nodes) + near_nodes) + 12 * max(1, len(middle_shifts_Hz))
+
+
 def _check_patch(reader: Reader, scene: SceneFile) -> None:
     patch = scene.model.patch_nodes
     if math.prod(patch) > MAX_PATCH_NODES:
@@ -284,23 +297,31 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
             "body.drives",
             f'given together with model.builder = "{scene.model.builder}", which knows no driven nodes',
         )
-    if scene.model.builder != "krylov":
+    if scene.model.builder not in ("krylov", "hybrid"):
         return
-    shifts_Hz = scene.model.shifts_Hz
+    shifts_Hz, middle_Hz = scene.model.shifts_Hz, scene.model.middle_shifts_Hz
     if not shifts_Hz:
         raise reader.error("model.shifts_Hz", [], "at least one frequency")
-    for name, ascending in (("shifts_Hz", shifts_Hz), ("middle_shifts_Hz", scene.model.middle_shifts_Hz)):
+    for name, ascending in (("shifts_Hz", shifts_Hz), ("middle_shifts_Hz", middle_Hz)):
         for i in range(1, len(ascending)):
             if ascending[i] <= ascending[i - 1]:
                 raise reader.error(
                     f"model.{name}[{i}]", ascending[i], f"greater than the previous one, {ascending[i - 1]:g} Hz"
                 )
-    largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
-    if 3 * largest_face * len(shifts_Hz) + 12 * len(scene.model.middle_shifts_Hz) > MAX_MODES:
+    face = largest_face(patch)
+    if scene.model.builder == "hybrid":
+        if hybrid_modes(patch, scene.model.near_nodes, middle_Hz) > MAX_HYBRID_MODES:
+            raise reader.error(
+                "model.near_nodes",
+                scene.model.near_nodes,
+                f"so few that 3 modes for each of them and of the {face} nodes of a face of the patch, and 12 for each of "
+                f"model.middle_shifts_Hz, one at least, are at most {MAX_HYBRID_MODES}",
+            )
+    elif 3 * face * len(shifts_Hz) + 12 * len(middle_Hz) > MAX_MODES:
         raise reader.error(
             "model.shifts_Hz",
             list(shifts_Hz),
-            f"so few that 3 modes for each of them and of the {largest_face} nodes of a face of the patch, and 12 for each of "
+            f"so few that 3 modes for each of them and of the {face} nodes of a face of the patch, and 12 for each of "
             f"model.middle_shifts_Hz, are at most {MAX_MODES}",
         )
 

@@ -197,5 +197,6 @@ def test_bodies_of_the_reduction_study(name: str, springs: dict[float, int]) -> 
 
 
 def test_scenes_know_the_boards_modes() -> None:
-    # The scene's checks do without the core; the number is written twice.
+    # The scene's checks do without the core; the numbers are written twice.
     assert scene_checks.MAX_MODES == _core.MAX_MODES
+    assert scene_checks.MAX_HYBRID_MODES == _core.MAX_HYBRID_MODES

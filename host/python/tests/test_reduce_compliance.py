@@ -89,6 +89,9 @@ def test_candidates_fit_the_lattice_and_the_board() -> None:
     assert (found[0]["shifts_Hz"], found[0]["middle_shifts_Hz"]) == ([0.0, 7.0], [9.0])
     assert [0.0, 20.0, 150.0] in [one["shifts_Hz"] for one in found]
     assert all(len(one["shifts_Hz"]) < 3 for one in candidates(own, (12, 12, 12), 192, pressed=False))
+    # 25 nodes of a face and 4 below it are too many for a hybrid; 20 are not.
+    assert not any(one["builder"] == "hybrid" for one in candidates(own, (12, 12, 12), 192, pressed=False))
+    assert any(one["builder"] == "hybrid" for one in found)
     pressed = candidates(own, (12, 12, 12), 192, pressed=True)
     assert {one["tangent"] for one in pressed if one["builder"] == "krylov"} == {"rest", "frame"}
     assert found == [one for i, one in enumerate(found) if one not in found[:i]]

@@ -528,6 +528,14 @@ BAD = {
         GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = [0, 10, 20, 30]\npatch_nodes = [5, 5, 2]",
         "scene.toml: model.shifts_Hz = [0, 10, 20, 30]: must be so few that 3 modes for each of them and of the 25 nodes of a ",
     ),
+    "hybrid with frequencies in no order": (
+        GOOD + "[model]\nbuilder = 'hybrid'\nmiddle_shifts_Hz = [20.0, 10.0]",
+        "scene.toml: model.middle_shifts_Hz[1] = 10: must be greater than the previous one, 20 Hz",
+    ),
+    "hybrid with more modes than the board holds": (
+        GOOD + "[model]\nbuilder = 'hybrid'\nnear_nodes = 13",
+        "scene.toml: model.near_nodes = 13: must be so few that 3 modes for each of them and of the 16 nodes of a face of ",
+    ),
     "unknown board": (
         GOOD + '[board]\nname = "arduino"',
         'scene.toml: board.name = "arduino": must be one of "mps2_an386", "native"',

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from palpate.reduce.study import finite
 from palpate.reduce.system import ContactSystem
 from palpate.scene import Scene, SceneError
+from palpate.scene_checks import MAX_HYBRID_MODES, hybrid_modes, largest_face
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], bool]
@@ -147,16 +148,20 @@ def candidates(
             "near_nodes": own["near_nodes"],
         }
 
-    largest_face = max(patch[0] * patch[1], patch[0] * patch[2], patch[1] * patch[2])
+    face = largest_face(patch)
     found = [model(own["builder"], own["tangent"], own["shifts_Hz"], own["middle_shifts_Hz"])]
-    found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed", "hybrid")]
+    found += [model(builder) for builder in ("patch", "patch_rescaled", "condensed")]
+    if hybrid_modes(patch, own["near_nodes"], ()) <= MAX_HYBRID_MODES:
+        found.append(model("hybrid"))
     for shifts_Hz, middle_Hz in KRYLOV_SHIFTS_HZ:
-        if 3 * largest_face * len(shifts_Hz) + 12 * len(middle_Hz) > most_modes:
+        if 3 * face * len(shifts_Hz) + 12 * len(middle_Hz) > most_modes:
             continue
         found += [model("krylov", tangent, shifts_Hz, middle_Hz) for tangent in (("rest", "frame") if pressed else ("frame",))]
     distinct: list[dict[str, Any]] = []
     for one in found:
-        if one["builder"] != "krylov":  # the others have no such keys
+        if one["builder"] == "hybrid":
+            one = model("hybrid", middle_Hz=one["middle_shifts_Hz"])
+        elif one["builder"] != "krylov":  # the others have no such keys
             one = model(one["builder"])
         elif not pressed:
             one = model("krylov", "frame", one["shifts_Hz"], one["middle_shifts_Hz"])
