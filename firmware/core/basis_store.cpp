@@ -102,8 +102,7 @@ void BasisStore::take_crc(Slot& slot) {
 }
 
 Status BasisStore::finish(Slot& slot) {
-  const std::uint32_t crc = wire::crc32c_value(slot.crc);
-  if ((crc != 0 ? crc : 1) == slot.id) {
+  if (wire::basis_id_of(slot.crc) == slot.id) {
     slot.complete = true;
     return Status::ok;
   }

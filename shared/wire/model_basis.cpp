@@ -82,7 +82,11 @@ Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash
 }
 
 std::uint32_t basis_id(std::span<const std::uint8_t> bytes) {
-  const std::uint32_t crc = crc32c_value(crc32c_update(kCrc32cInitial, bytes));
+  return basis_id_of(crc32c_update(kCrc32cInitial, bytes));
+}
+
+std::uint32_t basis_id_of(std::uint32_t crc_state) {
+  const std::uint32_t crc = crc32c_value(crc_state);
   return crc != 0 ? crc : 1;
 }
 

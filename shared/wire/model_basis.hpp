@@ -87,5 +87,7 @@ Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash
 
 // Identifier of a basis: the CRC-32C of its bytes, 1 where that is 0.
 std::uint32_t basis_id(std::span<const std::uint8_t> bytes);
+// The same from the state of crc32c_update() after all bytes.
+std::uint32_t basis_id_of(std::uint32_t crc_state);
 
 }  // namespace palpate::wire
