@@ -102,7 +102,7 @@ def dataset_table(layout: Sequence[Dataset]) -> str:
     return _table(["dataset", "shape", "type", "unit", "in record_hash", "meaning"], rows)
 
 
-def summary_table(keys: Sequence[summary.SummaryKey | metrics.Metric]) -> str:
+def summary_table(keys: Sequence[summary.Key]) -> str:
     """Keys of summary.json, or of the metrics in frontier.json."""
     return _table(["key", "unit", "meaning"], [[f"`{key.name}`", key.unit, key.definition] for key in keys])
 

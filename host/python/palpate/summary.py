@@ -12,8 +12,8 @@ _FREE, _STICK, _SLIP = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class SummaryKey:
-    """One key of summary.json."""
+class Key:
+    """One key of summary.json, or of a point's metrics in frontier.json."""
 
     name: str
     unit: str
@@ -21,90 +21,90 @@ class SummaryKey:
 
 
 RUN_KEYS = (
-    SummaryKey("command", "", "`run` or `demo`"),
-    SummaryKey("title", "", "the scene's title"),
-    SummaryKey("board", "", "where the firmware ran"),
-    SummaryKey(
+    Key("command", "", "`run` or `demo`"),
+    Key("title", "", "the scene's title"),
+    Key("board", "", "where the firmware ran"),
+    Key(
         "ticks",
         "ticks",
         "servo ticks that the board computed, one a millisecond of virtual time; overlong ones cost others",
     ),
-    SummaryKey("missed_deadlines", "", "deadlines that servo ticks missed; a tick that takes 3 ms misses two"),
-    SummaryKey("background_overruns", "", "ticks whose background work was not done when the next began"),
-    SummaryKey(
+    Key("missed_deadlines", "", "deadlines that servo ticks missed; a tick that takes 3 ms misses two"),
+    Key("background_overruns", "", "ticks whose background work was not done when the next began"),
+    Key(
         "worst_tick_instructions",
         "instructions",
         "longest servo tick, from interrupt entry to exit: its clock counts times the instructions per count "
         "(5 on mps2_an386: 125 million instructions per second against a clock of 25 MHz; they are not the cycles of "
         "a real part); null on native",
     ),
-    SummaryKey(
+    Key(
         "worst_busy_instructions",
         "instructions",
         "the same for servo and background work of one tick together",
     ),
-    SummaryKey("model_updates", "", "local models that the board took over"),
-    SummaryKey("models_sent", "", "local models that the host sent"),
-    SummaryKey("models_refused", "", "local models that the board refused or dropped"),
-    SummaryKey("basis_waits", "", "updates at which the modes of the patch around the tip were not there yet"),
-    SummaryKey(
+    Key("model_updates", "", "local models that the board took over"),
+    Key("models_sent", "", "local models that the host sent"),
+    Key("models_refused", "", "local models that the board refused or dropped"),
+    Key("basis_waits", "", "updates at which the modes of the patch around the tip were not there yet"),
+    Key(
         "model_age_ticks",
         "ticks",
         "{median, worst}: age of the rendered model's own state, over ticks with one",
     ),
-    SummaryKey(
+    Key(
         "link_bytes_per_s", "bytes/s", "{up, down}: bytes that crossed the link, per second of virtual time"
     ),
-    SummaryKey("frames_lost", "", "frames lost or refused on the link, both directions"),
-    SummaryKey("interpolated_ticks", "ticks", "ticks whose tip position the host had to interpolate"),
-    SummaryKey("contact_ticks", "ticks", "ticks with contact"),
-    SummaryKey("stick_to_slip", "", "ticks with slip right after one with stick"),
-    SummaryKey("slip_to_stick", "", "ticks with stick right after one with slip"),
-    SummaryKey("peak_force_N", "N", "largest magnitude of the rendered force"),
-    SummaryKey(
+    Key("frames_lost", "", "frames lost or refused on the link, both directions"),
+    Key("interpolated_ticks", "ticks", "ticks whose tip position the host had to interpolate"),
+    Key("contact_ticks", "ticks", "ticks with contact"),
+    Key("stick_to_slip", "", "ticks with slip right after one with stick"),
+    Key("slip_to_stick", "", "ticks with stick right after one with slip"),
+    Key("peak_force_N", "N", "largest magnitude of the rendered force"),
+    Key(
         "rms_force_N", "N", "root mean square of that magnitude over the ticks with contact; null without any"
     ),
-    SummaryKey(
+    Key(
         "rms_force_error_percent",
         "%",
         "root mean square of |force - reference force| divided by that of |reference force|, both over all ticks; the "
         "reference is the full non-linear body with contact, stepped at `reference.step_s` along the same tip path; "
         "null without a reference or where that never feels a force",
     ),
-    SummaryKey(
+    Key(
         "contact_mode_divergence_ticks",
         "ticks",
         "ticks whose contact mode differs from the reference's; null without one",
     ),
-    SummaryKey(
+    Key(
         "largest_force_jump_N",
         "N",
         "over the ticks k that render another model than tick k - 1: largest magnitude of (force[k] - force[k-1]) - "
         "(reference[k] - reference[k-1]), the jump beyond the reference's own change; null without a reference",
     ),
-    SummaryKey("faults", "", "bits of all faults that the board latched; 0: none"),
-    SummaryKey("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
-    SummaryKey("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
-    SummaryKey(
+    Key("faults", "", "bits of all faults that the board latched; 0: none"),
+    Key("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
+    Key("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
+    Key(
         "wall_clock", "s", "{run_s, reference_s}: seconds on this machine; all other figures are virtual time"
     ),
 )
 
 SIMULATE_KEYS = (
-    SummaryKey("command", "", "`simulate`"),
-    SummaryKey("title", "", "the scene's title"),
-    SummaryKey("ticks", "ticks", "servo ticks of 1 ms of virtual time"),
-    SummaryKey("nodes", "", "nodes of the body"),
-    SummaryKey("exported_times", "", "times at which node positions and velocities were exported"),
-    SummaryKey("contact_ticks", "ticks", "ticks with contact; null without a path"),
-    SummaryKey("stick_to_slip", "", "ticks with slip right after one with stick; null without a path"),
-    SummaryKey("slip_to_stick", "", "ticks with stick right after one with slip; null without a path"),
-    SummaryKey("peak_force_N", "N", "largest magnitude of the tip force; null without a path"),
-    SummaryKey(
+    Key("command", "", "`simulate`"),
+    Key("title", "", "the scene's title"),
+    Key("ticks", "ticks", "servo ticks of 1 ms of virtual time"),
+    Key("nodes", "", "nodes of the body"),
+    Key("exported_times", "", "times at which node positions and velocities were exported"),
+    Key("contact_ticks", "ticks", "ticks with contact; null without a path"),
+    Key("stick_to_slip", "", "ticks with slip right after one with stick; null without a path"),
+    Key("slip_to_stick", "", "ticks with stick right after one with slip; null without a path"),
+    Key("peak_force_N", "N", "largest magnitude of the tip force; null without a path"),
+    Key(
         "rms_force_N", "N", "root mean square of that magnitude over the ticks with contact; null without any"
     ),
-    SummaryKey("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
-    SummaryKey("wall_clock", "s", "{simulate_s}: seconds on this machine"),
+    Key("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
+    Key("wall_clock", "s", "{simulate_s}: seconds on this machine"),
 )
 
 # Boot, calibration and arming take 27 ticks over a fast link; a lost command is sent again 200 ticks later.
@@ -137,6 +137,18 @@ def largest_jump_N(force_N: NDArray[Any], reference_N: NDArray[Any], model_seque
         return 0.0
     error_N = force_N.astype(np.float64) - reference_N
     return float(np.max(magnitude(error_N[swaps] - error_N[swaps - 1])))
+
+
+def relative_rms_percent(force_N: NDArray[Any], reference_N: NDArray[Any]) -> float | None:
+    """Root mean square of |force - reference force| over that of |reference force|; None where that never feels a force.
+
+    force_N, reference_N: (n, 3).
+    """
+    base = float(np.sum(np.square(reference_N, dtype=np.float64)))
+    if base == 0.0:
+        return None
+    error = float(np.sum(np.square(force_N.astype(np.float64) - reference_N)))
+    return 100.0 * float(np.sqrt(error / base))
 
 
 def _force_summary(mode: NDArray[Any], force_N: NDArray[Any]) -> dict[str, Any]:
@@ -203,10 +215,7 @@ def summarize_run(
     }
     if "reference/force_N" in values:
         reference_N = values["reference/force_N"]
-        reference_rms = root_mean_square(magnitude(reference_N))
-        if reference_rms > 0.0:
-            error = root_mean_square(magnitude(force_N.astype(np.float64) - reference_N))
-            summary["rms_force_error_percent"] = 100.0 * error / reference_rms
+        summary["rms_force_error_percent"] = relative_rms_percent(force_N, reference_N)
         summary["contact_mode_divergence_ticks"] = int(
             np.count_nonzero(mode != values["reference/contact_mode"])
         )

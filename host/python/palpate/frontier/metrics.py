@@ -2,90 +2,71 @@
 key is declared here; docs/frontier.md is generated."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.summary import TICKS_PER_SECOND, largest_jump_N, magnitude
+from palpate.summary import TICKS_PER_SECOND, Key, largest_jump_N, magnitude, relative_rms_percent
 
 Record = Mapping[str, NDArray[Any]]
 
 _FREE = 0
 _TAKEN = 0  # palpate::Status::ok
 
-
-@dataclass(frozen=True)
-class Metric:
-    """One key of a point's `metrics`."""
-
-    name: str
-    unit: str
-    definition: str
-
-
 METRICS = (
-    Metric(
+    Key(
         "error_percent",
         "%",
         "root mean square of |force - reference force| over that of |reference force|, both over the ticks in which "
         "board and reference have the same contact mode; null where those have no force",
     ),
-    Metric("error_all_percent", "%", "the same over all ticks; null where the reference never feels a force"),
-    Metric("worst_error_N", "N", "largest |force - reference force| of any tick"),
-    Metric(
+    Key("error_all_percent", "%", "the same over all ticks; null where the reference never feels a force"),
+    Key("worst_error_N", "N", "largest |force - reference force| of any tick"),
+    Key(
         "same_mode_percent",
         "%",
         "ticks with the same contact mode (free, stick, slip) as the reference, of those in which either has contact; null "
         "without any",
     ),
-    Metric(
+    Key(
         "jump_N",
         "N",
         "largest change of force at a change of model beyond the reference's own change (`largest_force_jump_N` in "
         "records.md); 0 without a change of model",
     ),
-    Metric("peak_force_N", "N", "largest magnitude of the reference force"),
-    Metric("contact_ticks", "ticks", "ticks in which either has contact"),
-    Metric("models_taken", "", "local models that the board took over"),
-    Metric("models_not_taken", "", "local models that it refused, dropped, or never reported"),
-    Metric(
+    Key("peak_force_N", "N", "largest magnitude of the reference force"),
+    Key("contact_ticks", "ticks", "ticks in which either has contact"),
+    Key("models_taken", "", "local models that the board took over"),
+    Key("models_not_taken", "", "local models that it refused, dropped, or never reported"),
+    Key(
         "late_ticks",
         "ticks",
         "{median, worst}: from a model's own tick to that in which the board took it over; null without any",
     ),
-    Metric(
+    Key(
         "catch_up_ticks",
         "ticks",
         "{median, worst}: ticks in which the background replayed a model, up to its take-over; null without any",
     ),
-    Metric("model_bytes", "bytes", "median length of a model's frame on the link; null without any"),
-    Metric("modes", "", "largest number of modes of a model; null without any"),
-    Metric("link_up_bytes_per_s", "bytes/s", "bytes to the host per second of virtual time"),
-    Metric("link_down_bytes_per_s", "bytes/s", "bytes to the board per second of virtual time"),
-    Metric(
+    Key("state_bytes", "bytes", "median length of a state's frame on the link; null without any"),
+    Key("basis_bytes", "bytes", "frames with pieces of bases, all together"),
+    Key("modes", "", "largest number of modes of a model; null without any"),
+    Key("link_up_bytes_per_s", "bytes/s", "bytes to the host per second of virtual time"),
+    Key("link_down_bytes_per_s", "bytes/s", "bytes to the board per second of virtual time"),
+    Key(
         "tick_instructions",
         "instructions",
         "{p99, worst}: length of a servo tick in which the board has contact, from interrupt entry to exit; null on native",
     ),
-    Metric(
+    Key(
         "busy_instructions",
         "instructions",
         "{p99, worst}: servo tick and background work of one tick together, over all ticks; null on native",
     ),
-    Metric("background_overruns", "ticks", "ticks whose background work was not done when the next began"),
-    Metric("faults", "", "bits of all faults that the board latched; 0: none"),
+    Key("background_overruns", "ticks", "ticks whose background work was not done when the next began"),
+    Key("faults", "", "bits of all faults that the board latched; 0: none"),
 )
-
-
-def relative_rms_percent(force_N: NDArray[Any], reference_N: NDArray[Any], ticks: NDArray[np.bool_]) -> float | None:
-    """Error over these ticks. force_N, reference_N: (n, 3); ticks: (n,)."""
-    base = float(np.sum(np.square(reference_N[ticks], dtype=np.float64)))
-    if base == 0.0:
-        return None
-    error = float(np.sum(np.square(force_N[ticks].astype(np.float64) - reference_N[ticks])))
-    return 100.0 * float(np.sqrt(error / base))
 
 
 def catch_up_ticks(lag_ticks: NDArray[Any], swap_rows: NDArray[Any]) -> list[int]:
@@ -124,8 +105,8 @@ def measure(record: Record, reference: Record, instructions_per_count: int | Non
     tick_count = record["ticks/tick_count"][1:][mode[:-1] != _FREE]
     sent = len(record["updates/status"]) > 0
     return {
-        "error_percent": relative_rms_percent(force_N, reference_N, same),
-        "error_all_percent": relative_rms_percent(force_N, reference_N, np.ones_like(same)),
+        "error_percent": relative_rms_percent(force_N[same], reference_N[same]),
+        "error_all_percent": relative_rms_percent(force_N, reference_N),
         "worst_error_N": float(np.max(magnitude(force_N.astype(np.float64) - reference_N))),
         "same_mode_percent": 100.0 * float(np.mean(same[touching])) if np.any(touching) else None,
         "jump_N": largest_jump_N(force_N, reference_N, record["ticks/model_sequence"]),
@@ -135,7 +116,8 @@ def measure(record: Record, reference: Record, instructions_per_count: int | Non
         "models_not_taken": int(np.count_nonzero(~taken)),
         "late_ticks": _spread(swap_tick - record["updates/tick"][swapped].astype(np.int64)),
         "catch_up_ticks": _spread(catch_up_ticks(record["ticks/catch_up_ticks"], swap_rows)),
-        "model_bytes": float(np.median(record["updates/bytes"] + record["updates/basis_bytes"])) if sent else None,
+        "state_bytes": float(np.median(record["updates/bytes"])) if sent else None,
+        "basis_bytes": int(record["updates/basis_bytes"].sum(dtype=np.int64)),
         "modes": int(record["updates/modes"].max()) if sent else None,
         "link_up_bytes_per_s": float(record["ticks/link_up_bytes"].sum(dtype=np.int64)) / duration_s,
         "link_down_bytes_per_s": float(record["ticks/link_down_bytes"].sum(dtype=np.int64)) / duration_s,

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.frontier.metrics import Record, relative_rms_percent
+from palpate.frontier.metrics import Record
 from palpate.scene import Scene
+from palpate.summary import relative_rms_percent
 
 # Steps of the body, and of the contact with it, in the converged reference of the reference material; the last is what
 # errors are against. Other materials: in the same ratio to their integrator's step.
@@ -88,11 +89,10 @@ def differences(records: dict[float, Record]) -> list[dict[str, float | None]]:
     rows: list[dict[str, float | None]] = []
     for step in sorted(records, reverse=True)[:-1]:
         force_N, mode = records[step]["reference/force_N"], records[step]["reference/contact_mode"]
-        every = np.ones(len(mode), dtype=np.bool_)
         rows.append(
             {
                 "step_s": step,
-                "difference_percent": relative_rms_percent(force_N, finest["reference/force_N"], every),
+                "difference_percent": relative_rms_percent(force_N, finest["reference/force_N"]),
                 "other_mode_ticks": int(np.count_nonzero(mode != finest["reference/contact_mode"])),
             }
         )
