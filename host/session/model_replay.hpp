@@ -1,5 +1,7 @@
 // The board's rendering of one local model, repeated on the host by the board's own code: same messages, same
-// tip positions, same bits.
+// tip positions, same bits. Not the same for a model with a near field that came late: the board catches up
+// with forces every kCatchUpNearPeriod_steps (firmware/core/renderer.hpp), this one steps it as if it had
+// come in time, with kNearPeriod_steps throughout.
 #pragma once
 
 #include <Eigen/Core>

@@ -25,7 +25,7 @@ struct RenderedTick {
 
 // What a replay yields in a tick.
 struct ReplayedTick {
-  Vec3d node_m{};   // device frame; NaN where no model was rendered that holds the node at its surface
+  Vec3d node_m{};   // device frame; NaN where no model was rendered that holds the node
   Vec3f force_N{};  // of the tip on the body, before the board's limits
 };
 

@@ -48,7 +48,7 @@ struct ModelUpdate {
   std::shared_ptr<const std::vector<std::uint8_t>> wanted_basis;
   std::uint32_t wanted_basis_id = 0;
   BodyState state;               // that was linearized
-  std::vector<int> patch_nodes;  // surface nodes, the body's own numbers
+  std::vector<int> patch_nodes;  // of the model: on the surface first, then below; the body's own numbers
   std::uint32_t interpolated_ticks = 0;
   double damping_coupling = 0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
   int limited_modes = 0;        // that would grow too fast (host/linearize/growth_limit.hpp)

@@ -69,7 +69,7 @@ def compliance_errors(
     under unit forces there), in 2-norms. Of the scene only [body], the step of [integrator] and model.valid_ticks count. The node is first
     pressed in by press_m along the surface's normal and held until the body has settled; body and models are linearized there.
 
-    models: tables of the keys builder, tangent, patch_nodes, shifts_Hz and middle_shifts_Hz of [model].
+    models: tables of the keys builder, tangent, patch_nodes, shifts_Hz, middle_shifts_Hz and near_nodes of [model].
     frequency_Hz (f,): 0, then 40 a decade from 0.1 to 500 Hz; compliance_m_N (f,): 2-norm of the full body's, to 1e-6.
     models: of each: modes, basis (entries of the board's), damping_coupling, limited_modes, damping_error and damping_bound (f,):
       what damping between modes, left out, costs at the node, relative to the model (infinite: no bound), at_node (f,), and between_nodes (f,): in the middle

@@ -100,7 +100,7 @@ UPDATES = (
     _update("swap_tick", "u4", "ticks", "tick at which the board took it over; 0: it did not"),
     _update("status", "u1", "", "the board's palpate::Status of it; 255: the board never said"),
     _update("modes", "u2", "", "number of modes"),
-    _update("nodes", "u1", "", "number of surface nodes"),
+    _update("nodes", "u1", "", "number of nodes; with a near field those below the surface, too"),
     _update("bytes", "u4", "bytes", "length of its state's frame on the link"),
     _update("basis_bytes", "u4", "bytes", "length of the frames with pieces of bases since the state before"),
     _update(
@@ -158,7 +158,7 @@ PROBE = (
         ("ticks", 3),
         "m",
         "position of outputs.probe_node in the model that the board rendered, from a replay of that model by the "
-        "board's code; NaN where the rendered model does not hold the node at its surface",
+        "board's code; NaN where the rendered model does not hold the node",
         hashed=True,
         optional=True,
     ),
@@ -167,7 +167,8 @@ PROBE = (
         "f4",
         ("ticks", 3),
         "N",
-        "force of the tip on the body in that replay: the same bits as ticks/force_N where the board does not limit it",
+        "force of the tip on the body in that replay: the same bits as ticks/force_N where the board does not limit it, but "
+        "for models with a near field: the board catches up with those forces computed less often",
         hashed=True,
         optional=True,
     ),
@@ -206,7 +207,7 @@ BODY = (
         "u4",
         ("patch nodes",),
         "",
-        "nodes of the local model's patch then; none in simulate",
+        "nodes of the local model then; none in simulate",
     ),
 )
 

@@ -132,7 +132,7 @@ BUILDERS: dict[str, Builder] = {
         ),
     )
 }
-# The builder that the numbers to reach are for, that sweeps vary, and that pictures mark.
+# The builder that the numbers to reach are for, that sweeps vary, and that pictures mark; not the default of a scene.
 DEFAULT = "hybrid"
 
 # Values by sweep: what the scene is given for each.
@@ -140,8 +140,8 @@ SWEEPS: dict[str, dict[str, Overrides]] = {
     "delay_frames": {
         str(frames): {
             "rates.host_delay_ticks": frames * TICKS_PER_FRAME,
-            # With more than three the board leaves one model after the other for a newer one before it has caught up, and
-            # takes none: at 4 frames 29 of 30 (docs/frontier.md).
+            # No more than three: when a newer model took the place of one that was still catching up, none was taken with more
+            # (docs/frontier.md). Now the newest waits on the board, and takes the place of one that waits.
             "rates.models_under_way": min(frames + 1, 3),
         }
         for frames in (0, 1, 2, 4, 10)

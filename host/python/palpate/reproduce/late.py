@@ -134,8 +134,9 @@ FIGURE = PaperFigure(
         "at 0.1 ms, root mean square over the ticks with the same contact mode, relative to the full body’s force.",
         "The paper’s local model is the patch with its border held, rolled forward here by the time that it was under way. Not rolled "
         "forward, it begins as if it were of the present. The others are ours: the patch with its outer springs rescaled or with "
-        "the rest of the body condensed, and modes of the whole body. More experiments, sweeps, and what each costs the host "
-        "and the board: ./run bench frontier (docs/frontier.md).",
+        "the rest of the body condensed, modes of the whole body, and such modes with the exact forces of the springs at the "
+        "contact (hybrid). More experiments, sweeps, and what each costs the host and the board: ./run bench frontier "
+        "(docs/frontier.md).",
     ),
     caption="Force error against what the link carries to the board, for both motions. Grey: another builder has a smaller "
     "error and needs less.",
