@@ -166,7 +166,8 @@ def test_pycyphal_reads_our_frames(messages, run):
     assert (status.schema_hash, status.tick, status.mode) == (schema_hash, 1100, status.MODE_RENDER)
     assert (status.token, status.worst_tick_count, status.clock_Hz) == (0xDEADBEEF, 5000, 25_000_000)
     report = sent(MessageDataSpecifier(1602), messages.ModelReport_1_0)
-    assert (report.sequence, report.status, report.model_tick, report.swap_tick) == (5, 34, 990, 0)
+    assert (report.sequence, report.status, report.model_tick, report.swap_tick) == (5, 0, 990, 1010)
+    assert report.correction_energy_J == -0.125
     response = sent(ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response)
     assert (response.status, response.mode, response.token) == (0, 1, 77)
     info = sent(ServiceDataSpecifier(301, RESPONSE), messages.GetInfo_1_0.Response)
@@ -221,7 +222,9 @@ def random_messages(messages, rng: np.random.Generator):
         sequence=rng.integers(0, 2**32), samples=[sample() for _ in range(rng.integers(0, 33))]
     )
     yield MessageDataSpecifier(1601), messages.BoardStatus_1_0(tick=rng.integers(0, 2**32), faults=0x8001)
-    yield MessageDataSpecifier(1602), messages.ModelReport_1_0(sequence=rng.integers(0, 2**32), status=35)
+    yield MessageDataSpecifier(1602), messages.ModelReport_1_0(
+        sequence=rng.integers(0, 2**32), status=0, correction_energy_J=rng.normal()
+    )
     yield MessageDataSpecifier(1603), messages.BasisReport_1_0(
         basis_id=rng.integers(0, 2**32), missing=octets(16), held=rng.integers(0, 2**32, size=3, dtype=np.uint32)
     )

@@ -43,6 +43,11 @@ void Renderer::step(Slot& slot, const Vec3f& tip_m) {
   slot.previous_tip_m = tip;
 }
 
+void Renderer::account(Slot& slot, const Vec3f& tip_m) {
+  slot.correction_energy_J += dot(slot.force_change_N, tip_m - slot.view.origin_m - slot.previous_tip_m);
+  slot.force_change_N = {};
+}
+
 ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
   ServoSample sample{};
   sample.tip_m = tip_m;
@@ -54,7 +59,12 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     active_.store(offer - 1, std::memory_order_relaxed);
     have_model_.store(true, std::memory_order_relaxed);
     shadow_tick_.store(0, std::memory_order_relaxed);
-    slots_[offer - 1].surface.set_near_period(kNearPeriod_steps);
+    Slot& taken = slots_[offer - 1];
+    taken.surface.set_near_period(kNearPeriod_steps);
+    account(taken, tip_m);
+    // A force that is no number is the supervisor's to stop; the sum must stay one.
+    if (!std::isfinite(taken.correction_energy_J)) taken.correction_energy_J = 0.0f;
+    correction_energy_J_ += taken.correction_energy_J;
     sample.flags |= kFlagModelSwap;
   }
   if (have_model_.load(std::memory_order_relaxed)) {
@@ -117,6 +127,8 @@ Status Renderer::load(Slot& slot) {
   slot.tick = slot.model_tick = m.tick;
   slot.sequence = m.sequence;
   slot.valid_ticks = m.valid_ticks;
+  slot.force_change_N = {};
+  slot.correction_energy_J = 0.0f;
   slot.view = {};
   slot.law = {};
   if (slot.kind != ModelKind::held_force) {
@@ -198,8 +210,11 @@ void Renderer::advance_shadow(Slot& slot, std::uint32_t newest) {
       return;
     }
     const std::uint32_t before = surface.work(), near_before = surface.near_work();
+    account(slot, past.tip_m);
     step(slot, past.tip_m);
     ++slot.tick;
+    if (static_cast<std::int32_t>(slot.tick - account_from_) >= 0)
+      slot.force_change_N = slot.contact.force_N - past.force_N;
     const std::uint32_t cost = surface.work() - before, near_cost = surface.near_work() - near_before;
     work += cost;
     if (cost - near_cost > costliest) costliest = cost - near_cost;
@@ -211,16 +226,29 @@ bool Renderer::reclaim_offer() {
 }
 
 void Renderer::finish_shadow(Status status) {
-  const Slot& slot = slots_[shadow_slot_];
-  const bool taken = status == Status::ok;
-  add_report({slot.sequence, status, slot.model_tick,
-              taken ? offered_tick_.load(std::memory_order_relaxed) + 1 : 0});
+  report_taken();
   shadow_ = Shadow::empty;
-  if (taken) {
+  if (status == Status::ok) {
     shadow_slot_ = 1u - shadow_slot_;
+    taken_tick_ = account_from_ = offered_tick_.load(std::memory_order_relaxed) + 1;
+    take_over_to_report_ = true;
+    report_taken();
   } else {
+    const Slot& slot = slots_[shadow_slot_];
+    add_report({slot.sequence, status, slot.model_tick, 0, 0.0f});
     shadow_tick_.store(0, std::memory_order_relaxed);
   }
+}
+
+// A take-over is reported when its tick is over: on another core the interrupt may still be adding up the
+// energy.
+void Renderer::report_taken() {
+  if (!take_over_to_report_ ||
+      static_cast<std::int32_t>(last_tick_.load(std::memory_order_acquire) - taken_tick_) < 0)
+    return;
+  take_over_to_report_ = false;
+  const Slot& slot = slots_[1u - shadow_slot_];
+  add_report({slot.sequence, Status::ok, slot.model_tick, taken_tick_, slot.correction_energy_J});
 }
 
 void Renderer::add_report(const ModelReport& report) {
@@ -294,7 +322,7 @@ void Renderer::wait(std::span<const std::uint8_t> payload) {
   // More bytes than the message has may follow it; it is decoded without them.
   waiting_bytes_ = std::min(payload.size(), waiting_.size());
   std::copy_n(payload.begin(), waiting_bytes_, waiting_.begin());
-  waiting_report_ = {message_.sequence, Status::model_superseded, message_.tick, 0};
+  waiting_report_ = {message_.sequence, Status::model_superseded, message_.tick, 0, 0.0f};
   waiting_basis_ = message_.basis_id;
 }
 
@@ -302,7 +330,7 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
   drop_after_reset();
   const Status decoded = decode(payload);
   if (decoded != Status::ok) {
-    report = {message_.sequence, decoded, message_.tick, 0};
+    report = {message_.sequence, decoded, message_.tick, 0, 0.0f};
     return decoded;
   }
   std::uint32_t basis = BasisStore::kNone;
@@ -331,7 +359,7 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
   slot.basis = basis;
   const Status status = load(slot);
   if (status != Status::ok) {
-    report = {slot.sequence, status, slot.model_tick, 0};
+    report = {slot.sequence, status, slot.model_tick, 0, 0.0f};
     return status;
   }
   shadow_ = Shadow::decoded;
@@ -344,13 +372,16 @@ void Renderer::drop_after_reset() {
   if (resets == resets_seen_) return;
   resets_seen_ = resets;
   supersede_waiting();
-  if (shadow_ == Shadow::empty) return;
-  // An offer that is gone was taken before the reset.
-  const bool taken = shadow_ == Shadow::offered && !reclaim_offer();
-  finish_shadow(taken ? Status::ok : Status::model_superseded);
+  if (shadow_ != Shadow::empty) {
+    // An offer that is gone was taken before the reset.
+    const bool taken = shadow_ == Shadow::offered && !reclaim_offer();
+    finish_shadow(taken ? Status::ok : Status::model_superseded);
+  }
+  account_from_ = reset_tick_.load(std::memory_order_relaxed) + 1;
 }
 
 bool Renderer::catch_up(ModelReport& report) {
+  report_taken();
   drop_after_reset();
   take(bases_.check());
   if (shadow_ == Shadow::offered) {
@@ -439,6 +470,8 @@ void Renderer::isr_reset() {
   // count.
   std::uint32_t offer = offered_.load(std::memory_order_relaxed);
   if (offer != 0) (void)offered_.compare_exchange_strong(offer, kWithdrawn, std::memory_order_acq_rel);
+  correction_energy_J_ = 0.0f;
+  reset_tick_.store(last_tick_.load(std::memory_order_relaxed), std::memory_order_relaxed);
   resets_.fetch_add(1, std::memory_order_acq_rel);
 }
 

@@ -7,6 +7,13 @@
 // its contact and modes until it has caught up with the servo tick, then offers it, and the next servo tick
 // takes it over: neither the link's delay nor the host's makes it stale (docs/architecture.md, "One
 // pipeline"). Models of the other kinds (ModelKind) are not advanced: they begin when they are taken over.
+//
+// Correction energy: what was rendered until then gave the hand more energy than the model that replaces it
+// would have given, by the sum over the replayed ticks t of
+//   (replayed force[t] - rendered force[t]) . (tip[t+1] - tip[t]).
+// Forces are of the tip on the body, so that -force acts on the hand; that of tick t is commanded at its end
+// and held until the next tick: for a force that is held so the sum is exact
+// (docs/decisions/correction_energy.md).
 #pragma once
 
 #include <array>
@@ -56,6 +63,7 @@ struct ModelReport {
   Status status = Status::ok;
   std::uint32_t model_tick = 0;
   std::uint32_t swap_tick = 0;
+  float correction_energy_J = 0.0f;  // of a model that was taken over; 0 of one that was not rolled forward
 };
 
 class Renderer {
@@ -100,6 +108,9 @@ class Renderer {
   // Does the active model want the tip between encoder counts (palpate.ModelState TIP_ESTIMATED)?
   [[nodiscard]] bool estimates_tip() const;
   [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
+  // Interrupt context. Sum of the correction energies of all models that were taken over since the reset:
+  // what a passivity controller would have to take back. Nothing uses it yet.
+  [[nodiscard]] float correction_energy_J() const { return correction_energy_J_; }
   // Forgets the models (outputs must be off): the next one starts afresh.
   void isr_reset();
 
@@ -117,7 +128,11 @@ class Renderer {
     TipSource tip = TipSource::counts;
     ModelKind kind = ModelKind::modes;
     Vec3f previous_tip_m{};  // relative to the model's origin
-    std::uint32_t tick = 0;  // state and contact are those at the end of this tick
+    // Replayed less rendered force of `tick`, which acts until the next; zero in ticks that are not
+    // accounted.
+    Vec3f force_change_N{};
+    float correction_energy_J = 0.0f;  // up to the end of `tick`; final from the take-over on
+    std::uint32_t tick = 0;            // state and contact are those at the end of this tick
     std::uint32_t model_tick = 0;
     std::uint32_t sequence = 0;
     std::uint32_t valid_ticks = 0;
@@ -126,6 +141,8 @@ class Renderer {
   enum class Shadow : std::uint8_t { empty, decoded, loaded, catching_up, offered };
 
   static void step(Slot& slot, const Vec3f& tip_m);
+  // What the force's change of slot.tick does until the tip is at tip_m, in the next tick.
+  static void account(Slot& slot, const Vec3f& tip_m);
   // Into message_.
   Status decode(std::span<const std::uint8_t> payload);
   // message_ into a slot, whose basis is known.
@@ -144,6 +161,7 @@ class Renderer {
   void advance_shadow(Slot& slot, std::uint32_t newest);
   bool reclaim_offer();
   void finish_shadow(Status status);
+  void report_taken();
   void drop_after_reset();
 
   std::uint64_t schema_hash_;
@@ -152,6 +170,9 @@ class Renderer {
   std::atomic<std::uint32_t> active_{0};
   std::atomic<bool> have_model_{false};
   std::atomic<std::uint32_t> resets_{0};  // isr_reset() so far
+  float correction_energy_J_ = 0.0f;      // since the reset
+  // Written by the interrupt before it counts the reset: the newest tick then.
+  std::atomic<std::uint32_t> reset_tick_{0};
   // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the
   // slot. kWithdrawn: a reset has come in between; the slot is the background's.
   static constexpr std::uint32_t kWithdrawn = 0xffffffffu;
@@ -162,6 +183,11 @@ class Renderer {
   Shadow shadow_ = Shadow::empty;
   std::uint32_t shadow_began_ = 0;  // tick in which it was accepted
   std::uint32_t shadow_slot_ = 1;   // the slot that is not the interrupt's: changes when an offer was taken
+  // First tick whose force no correction has accounted for: each tick counts once, in the first model that
+  // replays it.
+  std::uint32_t account_from_ = 0;
+  bool take_over_to_report_ = false;
+  std::uint32_t taken_tick_ = 0;  // of that take-over
   BasisStore bases_;
   // One message at a time, too large for the stack.
   union {

@@ -137,6 +137,7 @@ void Endpoint::note(const ModelReport& report) {
   message.status = static_cast<std::uint8_t>(report.status);
   message.model_tick = report.model_tick;
   message.swap_tick = report.swap_tick;
+  message.correction_energy_J = report.correction_energy_J;
   (void)send(message, publication<palpate_ModelReport_1_0>(report_transfers_));
 }
 

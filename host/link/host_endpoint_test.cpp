@@ -99,8 +99,9 @@ TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
   palpate_BoardStatus_1_0 status{};
   status.sequence = 2;
   append(from_board(status, 0));
-  append(
-      from_board(palpate_ModelReport_1_0{.sequence = 3, .status = 35, .model_tick = 0, .swap_tick = 0}, 0));
+  palpate_ModelReport_1_0 report{};
+  report.status = 35;
+  append(from_board(report, 0));
   palpate_BasisReport_1_0 basis{};
   basis.basis_id = 77;
   append(from_board(basis, 0));

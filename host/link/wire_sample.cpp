@@ -120,8 +120,10 @@ void write_samples() {
   link::HostEndpoint host;
   write_from_board(sample_trace(), wire::kBroadcast, 3);
   write_from_board(sample_status(), wire::kBroadcast, 4);
-  write_from_board(palpate_ModelReport_1_0{.sequence = 5, .status = 34, .model_tick = 990, .swap_tick = 0},
-                   wire::kBroadcast, 6);
+  write_from_board(
+      palpate_ModelReport_1_0{
+          .sequence = 5, .status = 0, .model_tick = 990, .swap_tick = 1010, .correction_energy_J = -0.125f},
+      wire::kBroadcast, 6);
   write_from_board(palpate_Command_Response_1_0{.status = 0, .mode = 1, ._token = 77}, wire::kHostNode, 0);
   write_from_board(sample_info(), wire::kHostNode, 0);
   write_from_board(sample_basis_report(), wire::kBroadcast, 2);

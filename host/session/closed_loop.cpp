@@ -121,7 +121,7 @@ class Host {
 
  private:
   // What the board rendered, tick by tick.
-  std::vector<ReplayedTick> replay(const std::vector<LoopTick>& recorded, int node) {
+  Replay replay(const std::vector<LoopTick>& recorded, int node) {
     std::vector<RenderedTick> ticks;
     ticks.reserve(recorded.size());
     for (const LoopTick& row : recorded)
@@ -216,6 +216,7 @@ class Host {
       if (update.sequence != report.sequence) continue;
       update.status = report.status;
       update.swap_tick = report.swap_tick;
+      update.correction_energy_J = report.correction_energy_J;
     }
     if (report.status == static_cast<std::uint8_t>(Status::ok)) {
       ++result_.counters.models_taken;

@@ -77,8 +77,9 @@ struct UpdateRecord {
   std::uint8_t status = kNeverHeard;  // palpate::Status, from the board
   std::uint16_t modes = 0;
   std::uint8_t nodes = 0;
-  std::uint32_t bytes = 0;        // frame of the state
-  std::uint32_t basis_bytes = 0;  // frames of bases since the state before
+  std::uint32_t bytes = 0;           // frame of the state
+  std::uint32_t basis_bytes = 0;     // frames of bases since the state before
+  float correction_energy_J = 0.0f;  // from the board (firmware/core/renderer.hpp)
   std::uint32_t interpolated_ticks = 0;
   double interpolation_error_m = 0.0;
   double damping_coupling = 0.0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
@@ -95,7 +96,7 @@ struct ClosedLoopResult {
   std::vector<LoopTick> ticks;
   std::vector<UpdateRecord> updates;
   LoopCounters counters;
-  std::vector<ReplayedTick> probe;  // one per tick; empty without a probe
+  Replay probe;  // of all ticks and updates; empty without a probe
   // The session's body when the force of the tip was largest at an update, else at the end.
   BodyState state_at_peak;
   std::uint32_t peak_tick = 0;

@@ -1,4 +1,5 @@
-// Where a node of the body was in the models that the board rendered, found after the run.
+// What the board rendered, found again after the run: where a node of the body was in its models, and the
+// energy of its corrections.
 #pragma once
 
 #include <cstdint>
@@ -29,10 +30,16 @@ struct ReplayedTick {
   Vec3f force_N{};  // of the tip on the body, before the board's limits
 };
 
+struct Replay {
+  std::vector<ReplayedTick> ticks;  // one per tick
+  // One per model: its correction energy (firmware/core/renderer.hpp), summed in double precision; NaN where
+  // it was never rendered.
+  std::vector<double> correction_energy_J;
+};
+
 // Renders every model again with the board's code, from its own tick to the last one in which it was active
 // (model_replay.hpp). ticks: in order; numbers may be missing (lost ticks: the board then takes the tip of
-// the next one). Returns one entry per tick.
-std::vector<ReplayedTick> replay_models(std::span<const RenderedTick> ticks,
-                                        std::span<const SentModel> models, int node);
+// the next one). models: in the order in which they were sent.
+Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentModel> models, int node);
 
 }  // namespace palpate::host

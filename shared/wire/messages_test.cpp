@@ -146,7 +146,8 @@ TEST(Messages, SmallMessagesRoundTrip) {
   status._token = 0xDEADBEEF;
   status.clock_Hz = 170'000'000;
   expect_round_trip(status);
-  expect_round_trip(palpate_ModelReport_1_0{.sequence = 5, .status = 34, .model_tick = 100, .swap_tick = 0});
+  expect_round_trip(palpate_ModelReport_1_0{
+      .sequence = 5, .status = 0, .model_tick = 100, .swap_tick = 130, .correction_energy_J = -2.5e-3f});
   expect_round_trip(palpate_TraceRequest_1_0{.first_tick = 77, .count = 256});
   expect_round_trip(
       palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 0x12345678});

@@ -73,6 +73,8 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
   result["updates/bytes"] = column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.bytes; });
   result["updates/basis_bytes"] =
       column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.basis_bytes; });
+  result["updates/correction_energy_J"] =
+      column<float>(updates, [](const UpdateRecord& u) { return u.correction_energy_J; });
   result["updates/interpolated_ticks"] =
       column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.interpolated_ticks; });
   result["updates/interpolation_error_m"] =
@@ -132,9 +134,11 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
            &run.tip_at_peak_m, run.patch_at_peak);
   if (config.probe_node) {
     result["probe/rendered_m"] =
-        columns3<double>(run.probe, [](const host::ReplayedTick& t) { return t.node_m; });
+        columns3<double>(run.probe.ticks, [](const host::ReplayedTick& t) { return t.node_m; });
     result["probe/force_N"] =
-        columns3<float>(run.probe, [](const host::ReplayedTick& t) { return t.force_N; });
+        columns3<float>(run.probe.ticks, [](const host::ReplayedTick& t) { return t.force_N; });
+    result["probe/correction_energy_J"] =
+        column<double>(run.probe.correction_energy_J, [](double energy_J) { return energy_J; });
   }
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
   result["frames_lost_down"] = run.counters.frames_lost_down;

@@ -194,6 +194,7 @@ _ROWS = {
     "rms_force_error_percent": ("rms force error against the full body", "%"),
     "contact_mode_divergence_ticks": ("ticks with another contact mode than it", ""),
     "largest_force_jump_N": ("largest force jump at a model change", "N"),
+    "correction_energy_J": ("energy of corrections", "J"),
     "faults": ("faults latched", ""),
     "record_hash": ("record hash", ""),
     "wall_clock": ("wall clock of this machine", "s"),

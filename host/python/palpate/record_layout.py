@@ -99,6 +99,14 @@ UPDATES = (
     _update("sent_tick", "u4", "ticks", "tick at which the host handed it to the link"),
     _update("swap_tick", "u4", "ticks", "tick at which the board took it over; 0: it did not"),
     _update("status", "u1", "", "the board's palpate::Status of it; 255: the board never said"),
+    _update(
+        "correction_energy_J",
+        "f4",
+        "J",
+        "energy that the forces rendered before it gave the hand beyond those of its own replay, over the ticks that it "
+        "replayed and no model before it (decisions/correction_energy.md); 0 where the board did not take it over or does "
+        "not replay it",
+    ),
     _update("modes", "u2", "", "number of modes"),
     _update("nodes", "u1", "", "number of nodes; with a near field those below the surface, too"),
     _update("bytes", "u4", "bytes", "length of its state's frame on the link"),
@@ -167,8 +175,16 @@ PROBE = (
         "f4",
         ("ticks", 3),
         "N",
-        "force of the tip on the body in that replay: the same bits as ticks/force_N where the board does not limit it, but "
-        "for models with a near field: the board catches up with those forces computed less often",
+        "force of the tip on the body in that replay: the same bits as ticks/force_N where the board does not limit it",
+        hashed=True,
+        optional=True,
+    ),
+    Dataset(
+        "probe/correction_energy_J",
+        "f8",
+        ("updates",),
+        "J",
+        "updates/correction_energy_J as that replay has it, in double precision; NaN for a model that was never rendered",
         hashed=True,
         optional=True,
     ),

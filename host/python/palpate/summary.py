@@ -82,6 +82,12 @@ RUN_KEYS = (
         "over the ticks k that render another model than tick k - 1: largest magnitude of (force[k] - force[k-1]) - "
         "(reference[k] - reference[k-1]), the jump beyond the reference's own change; null without a reference",
     ),
+    Key(
+        "correction_energy_J",
+        "J",
+        "{sum, injected, largest} of `/updates/correction_energy_J`: of all, of the positive ones, the largest one (0 "
+        "where none is positive); positive: the hand was given more than the corrected model would have given",
+    ),
     Key("faults", "", "bits of all faults that the board latched; 0: none"),
     Key("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
     Key("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
@@ -163,6 +169,15 @@ def _force_summary(mode: NDArray[Any], force_N: NDArray[Any]) -> dict[str, Any]:
     }
 
 
+def _energy_summary(correction_J: NDArray[Any]) -> dict[str, float]:
+    injected_J = np.maximum(correction_J.astype(np.float64), 0.0)
+    return {
+        "sum": float(np.sum(correction_J, dtype=np.float64)),
+        "injected": float(np.sum(injected_J)),
+        "largest": float(np.max(injected_J, initial=0.0)),
+    }
+
+
 def summarize_run(
     values: Mapping[str, NDArray[Any]],
     counters: Mapping[str, int | float],
@@ -208,6 +223,7 @@ def summarize_run(
         "rms_force_error_percent": None,
         "contact_mode_divergence_ticks": None,
         "largest_force_jump_N": None,
+        "correction_energy_J": _energy_summary(values["updates/correction_energy_J"]),
         "faults": int(np.bitwise_or.reduce(values["ticks/faults"])),
         "rendering_ticks": int(np.count_nonzero(values["ticks/enabled"])),
         "record_hash": record_hash,

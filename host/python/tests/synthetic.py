@@ -108,6 +108,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "updates/sent_tick": update_tick - 20,
         "updates/swap_tick": update_tick,
         "updates/status": np.zeros(updates),
+        "updates/correction_energy_J": 1e-3 * (-1.0) ** np.arange(updates),
         "updates/modes": np.full(updates, 96),
         "updates/nodes": np.full(updates, 32),
         "updates/bytes": np.full(updates, 400),

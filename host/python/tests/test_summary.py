@@ -80,6 +80,17 @@ def test_comparison_with_the_reference() -> None:
     assert summarize(values, counters)["largest_force_jump_N"] == 0.0
 
 
+def test_energies_that_were_given_are_counted_apart_from_those_that_were_taken() -> None:
+    values, counters = run_values(ticks=400)
+    energy_J = np.zeros(len(values["updates/status"]))
+    energy_J[1:5] = [2e-3, -5e-3, 3e-3, -1e-3]
+    values["updates/correction_energy_J"] = energy_J
+    numbers = summarize(values, counters)["correction_energy_J"]
+    assert numbers == pytest.approx({"sum": -1e-3, "injected": 5e-3, "largest": 3e-3}, rel=FLOAT32)
+    values["updates/correction_energy_J"] = -np.abs(energy_J)
+    assert summarize(values, counters)["correction_energy_J"]["largest"] == 0.0
+
+
 def test_jump_sees_the_direction() -> None:
     force_N = np.array([[1.0, 0, 0], [0, 1.0, 0]])
     assert summary.largest_jump_N(force_N, np.zeros((2, 3)), np.array([1, 2])) == pytest.approx(np.sqrt(2))
