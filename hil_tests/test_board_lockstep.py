@@ -224,7 +224,7 @@ def test_an_old_model_goes_on_when_a_corrupt_one_comes(board):
     status = parse_status(board.take(LinkCodec.BOARD_STATUS)[-1].payload)
     assert (status["models_taken"], status["models_refused"], status["frames_refused"]) == (1, 1, 1)
     assert status["frames_lost"] == 1  # the corrupt one left a gap
-    reports = [struct.unpack("<IB3xII", frame.payload)[:2] for frame in board.take(LinkCodec.MODEL_REPORT)]
+    reports = [struct.unpack("<IB3xIIf", frame.payload)[:2] for frame in board.take(LinkCodec.MODEL_REPORT)]
     assert reports == [(9, OK), (11, SCHEMA_MISMATCH)]
 
 

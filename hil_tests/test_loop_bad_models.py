@@ -77,7 +77,7 @@ def test_a_bad_model_is_refused_and_the_old_one_goes_on(tmp_path, board, name):
         bad = change(square_model(2, running.next_tick - 1, info.schema_hash))
         running.tick(link=bad.frames(1))
         assert running.run(110)["model_sequence"] == 1
-        reports = [struct.unpack("<IB3xII", frame.payload)[:2] for frame in running.take(LinkCodec.MODEL_REPORT)]
+        reports = [struct.unpack("<IB3xIIf", frame.payload)[:2] for frame in running.take(LinkCodec.MODEL_REPORT)]
         assert len(reports) == 2 and reports[0] == (1, OK) and reports[1][1] in statuses, reports
         status = parse_status(running.take(LinkCodec.BOARD_STATUS)[-1].payload)
         assert (status["models_taken"], status["models_refused"]) == (1, 1)

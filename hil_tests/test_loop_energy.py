@@ -15,6 +15,9 @@ def with_probe(extra: str, board: str) -> str:
 
 def check_account(result: Run) -> np.ndarray:
     """Board and replay agree for every model that was taken over; their energies (models,), J."""
+    # The replay is the board's rendering, to the bit, where no limit comes in between (the force rises when outputs come on).
+    passed_on = (result["ticks/enabled"] > 0) & (result["ticks/tick"] > 200)
+    assert result["probe/force_N"][passed_on].tobytes() == result["ticks/force_N"][passed_on].tobytes()
     taken = result["updates/status"] == 0
     board_J = result["updates/correction_energy_J"].astype(np.float64)
     replay_J = result["probe/correction_energy_J"]
@@ -29,7 +32,7 @@ def check_account(result: Run) -> np.ndarray:
     error_J = np.abs(board_J[taken] - replay_J[taken])
     assert np.all(error_J <= rounding_J), (error_J / rounding_J).max()
     # It is more than rounding that they agree on.
-    assert np.abs(board_J[taken]).max() > 50.0 * rounding_J.max()
+    assert np.abs(board_J[taken]).max() > 10.0 * rounding_J.max()
     return board_J[taken]
 
 

@@ -60,7 +60,7 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     have_model_.store(true, std::memory_order_relaxed);
     shadow_tick_.store(0, std::memory_order_relaxed);
     Slot& taken = slots_[offer - 1];
-    taken.surface.set_near_period(kNearPeriod_steps);
+    taken.surface.set_near_period(near_period_);
     account(taken, tip_m);
     // A force that is no number is the supervisor's to stop; the sum must stay one.
     if (!std::isfinite(taken.correction_energy_J)) taken.correction_energy_J = 0.0f;
@@ -462,6 +462,12 @@ std::uint32_t Renderer::model_valid_ticks() const {
 std::uint32_t Renderer::catch_up_ticks() const {
   const std::uint32_t shadow_tick = shadow_tick_.load(std::memory_order_relaxed);
   return shadow_tick == 0 ? 0 : last_tick_.load(std::memory_order_relaxed) - shadow_tick;
+}
+
+void Renderer::isr_set_near_period(std::uint32_t steps) {
+  near_period_ = steps;
+  if (have_model_.load(std::memory_order_relaxed))
+    slots_[active_.load(std::memory_order_relaxed)].surface.set_near_period(steps);
 }
 
 void Renderer::isr_reset() {

@@ -111,6 +111,9 @@ class Renderer {
   // Interrupt context. Sum of the correction energies of all models that were taken over since the reset:
   // what a passivity controller would have to take back. Nothing uses it yet.
   [[nodiscard]] float correction_energy_J() const { return correction_energy_J_; }
+  // Interrupt context. Steps between two computations of the near field of models that are taken over, and of
+  // the active one: for the host, which repeats what the board did while a model caught up.
+  void isr_set_near_period(std::uint32_t steps);
   // Forgets the models (outputs must be off): the next one starts afresh.
   void isr_reset();
 
@@ -171,6 +174,7 @@ class Renderer {
   std::atomic<bool> have_model_{false};
   std::atomic<std::uint32_t> resets_{0};  // isr_reset() so far
   float correction_energy_J_ = 0.0f;      // since the reset
+  std::uint32_t near_period_ = kNearPeriod_steps;
   // Written by the interrupt before it counts the reset: the newest tick then.
   std::atomic<std::uint32_t> reset_tick_{0};
   // Background to interrupt: slot index + 1 that is on offer, 0 for none. Whoever exchanges it for 0 owns the

@@ -51,6 +51,10 @@ ModelReplay::ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std
   view_.load = load_.data();
 }
 
+void ModelReplay::set_catching_up(bool catching_up) {
+  renderer_->isr_set_near_period(catching_up ? firmware::kCatchUpNearPeriod_steps : kNearPeriod_steps);
+}
+
 firmware::ServoSample ModelReplay::step(const Vec3f& tip_m) {
   const firmware::ServoSample sample = renderer_->isr_tick(++tick_, tip_m);
   state_ = *renderer_->model_state();

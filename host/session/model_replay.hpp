@@ -23,6 +23,10 @@ class ModelReplay {
   // Starts it at a later tick: kinds that the board does not roll forward.
   ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std::uint32_t tick);
 
+  // The board computes the near field less often while a model catches up: true before the first step, false
+  // before the tick of its take-over. Without it the model has never been late.
+  void set_catching_up(bool catching_up);
+
   // The next servo tick, with the tip where the board had it.
   firmware::ServoSample step(const Vec3f& tip_m);
 

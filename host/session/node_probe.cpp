@@ -70,6 +70,7 @@ Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentMo
     const Vec3f start_m = ticks[row_from(ticks, start, state.sequence)].tip_m;
     ModelReplay replay(model.model, start_m, start);
     CorrectionAccount account(start_m);
+    replay.set_catching_up(true);
     // In the background every tick is replayed, with the tip of the next one where a tick was lost; from the
     // swap on the interrupt steps once for each tick that it had.
     for (std::uint32_t tick = start + 1; tick < active->tick; ++tick) {
@@ -78,6 +79,7 @@ Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentMo
       const Vec3f force_N = replay.step(ticks[row].tip_m).force_N;
       if (tick >= account_from) account.change(force_N, result.ticks[row].force_N);
     }
+    replay.set_catching_up(false);
     account.move(active->tip_m);
     result.correction_energy_J[m] = account.energy_J();
     account_from = active->tick;
