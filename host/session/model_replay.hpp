@@ -1,7 +1,6 @@
 // The board's rendering of one local model, repeated on the host by the board's own code: same messages, same
-// tip positions, same bits. Not the same for a model with a near field that came late: the board catches up
-// with forces every kCatchUpNearPeriod_steps (firmware/core/renderer.hpp), this one steps it as if it had
-// come in time, with kNearPeriod_steps throughout.
+// tip positions, same bits; of a model with a near field that came late as far as it is told when it caught
+// up.
 #pragma once
 
 #include <Eigen/Core>
