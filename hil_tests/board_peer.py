@@ -46,6 +46,9 @@ FAULT_EMERGENCY_STOP, FAULT_STOP_COMMAND, FAULT_ENCODER_JUMP = 1, 2, 8
 # palpate.Command
 ARM_REQUEST, ARM_CONFIRM, DISARM, CALIBRATE, CLEAR_FAULT, STOP = range(1, 7)
 
+# palpate.TraceRequest
+FORM_FULL, FORM_TIP = 0, 1
+
 # A board that does not answer within this has hung: far above what the slowest machine needs for one tick.
 _WATCHDOG_S = 20.0
 
@@ -54,7 +57,7 @@ class LinkCodec:
     """Cyphal/serial frames of single-frame transfers: 00 | COBS(header | payload | CRC-32C) | 00."""
 
     HOST_NODE, BOARD_NODE, BROADCAST = 10, 42, 0xFFFF
-    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, BASIS_REPORT = 1600, 1601, 1602, 1603
+    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, BASIS_REPORT, TIP_TRACE = 1600, 1601, 1602, 1603, 1604
     MODEL_STATE, TRACE_REQUEST, MODEL_PART = 1610, 1611, 1612
     COMMAND, GET_INFO = 300, 301
     _HEADER = struct.Struct("<BBHHHQIH")
@@ -113,6 +116,10 @@ class LinkCodec:
     def command(cls, transfer_id: int, action: int, token: int = 0) -> bytes:
         return cls.request(cls.COMMAND, transfer_id, struct.pack("<B3xI", action, token))
 
+    @classmethod
+    def trace_request(cls, transfer_id: int, first_tick: int, count: int, form: int = FORM_FULL, ticks: int = 4) -> bytes:
+        return cls.encode(cls.TRACE_REQUEST, transfer_id, struct.pack("<IHBB", first_tick, count, form, ticks))
+
 
 @dataclass(frozen=True)
 class LinkFrame:
@@ -158,7 +165,8 @@ BOARD_STATUS = np.dtype([
     ("sequence", "<u4"), ("schema_hash", "<u8"), ("tick", "<u4"), ("mode", "u1"), ("last_status", "u1"),
     ("faults", "<u2"), ("token", "<u4"), ("models_taken", "<u4"), ("models_refused", "<u4"),
     ("frames_received", "<u4"), ("frames_refused", "<u4"), ("frames_lost", "<u4"), ("frames_unsent", "<u4"),
-    ("missed_deadlines", "<u4"), ("worst_tick_count", "<u4"), ("clock_Hz", "<u4")])
+    ("missed_deadlines", "<u4"), ("worst_tick_count", "<u4"), ("clock_Hz", "<u4"),
+    ("trace_form", "u1"), ("trace_ticks", "u1")])
 SERVO_SAMPLE = np.dtype([("tip_m", "<f4", 3), ("force_N", "<f4", 3), ("mode", "u1"), ("flags", "u1"),
                          ("triangle", "<u2")])
 
@@ -199,6 +207,14 @@ def parse_trace(payload: bytes) -> tuple[int, int, np.ndarray]:
     """Returns sequence, first tick and samples."""
     sequence, first_tick, count = struct.unpack_from("<IIB", payload)
     return sequence, first_tick, np.frombuffer(payload, SERVO_SAMPLE, count, 9)
+
+
+def parse_tips(payload: bytes) -> tuple[int, int, np.ndarray]:
+    """Returns first tick, exponent of a step in metres, and positions (ticks, 3) in m."""
+    first_tick, x, y, z, exponent, count = struct.unpack_from("<IfffbB", payload)
+    offsets = np.frombuffer(payload, "<i2", 3 * count, 18).reshape(count, 3)
+    steps = np.vstack([np.zeros((1, 3)), offsets])
+    return first_tick, exponent, np.array([x, y, z]) + 2.0**exponent * steps
 
 
 # Offsets in a basis and in a state (docs/protocol.md).

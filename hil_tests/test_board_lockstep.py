@@ -9,9 +9,9 @@ import pytest
 from board_peer import (
     ACTUATOR_FRAME, ARM_CONFIRM, ARM_REQUEST, BoardInfo, CLEAR_FAULT, CRASH, DISARM, EMERGENCY_STOP,
     EXIT_PEER_CLOSED, EXIT_PROCESSOR_FAULT, EXIT_PROTOCOL_ERROR, EXIT_SHUTDOWN, FAULT_EMERGENCY_STOP,
-    FAULT_ENCODER_JUMP, FAULT_STOP_COMMAND, LinkCodec, LinkFrame, LinkReader, Lockstep, MODE_BOOT, MODE_FAULT,
-    MODE_IDLE, MODE_RENDER, OK, PORT_UNKNOWN, SCHEMA_MISMATCH, STOP, TOKEN_WRONG, lockstep, parse_status,
-    parse_trace, square_model,
+    FAULT_ENCODER_JUMP, FAULT_STOP_COMMAND, FORM_FULL, FORM_TIP, LinkCodec, LinkFrame, LinkReader, Lockstep, MODE_BOOT,
+    MODE_FAULT, MODE_IDLE, MODE_RENDER, OK, PORT_UNKNOWN, SCHEMA_MISMATCH, STOP, TOKEN_WRONG, lockstep, parse_status,
+    parse_tips, parse_trace, square_model,
 )
 
 BOARDS = ["native", "mps2"]
@@ -76,6 +76,28 @@ def test_trace_tells_every_tip_position(board):
             if tick < 200:
                 assert (sample["tip_m"] == tips[tick]).all()
     assert next_tick >= 200 and sequences == list(range(len(sequences)))
+
+
+def test_tips_alone_tell_every_tip_position_within_their_bound(board):
+    tips = [board.tick(link=LinkCodec.trace_request(0, 0, 0, FORM_TIP, 8))["tip_m"]]
+    for i in range(1, 200):
+        tips.append(board.tick(encoder=(3 * i, -2 * i, i))["tip_m"])
+    board.run(10)
+    assert not board.take(LinkCodec.SERVO_TRACE)
+    next_tick = 0
+    for frame in board.take(LinkCodec.TIP_TRACE):
+        first_tick, exponent, tip_m = parse_tips(frame.payload)
+        assert first_tick == next_tick and len(tip_m) == 8
+        next_tick += len(tip_m)
+        for at_m, true_m in zip(tip_m, tips[first_tick:next_tick], strict=False):
+            np.testing.assert_allclose(at_m, true_m.astype(float), rtol=0.0, atol=0.502 * 2.0**exponent)
+    assert next_tick >= 200
+    # What cannot be asked for is refused, and all goes on as before.
+    refused = b"".join(LinkCodec.trace_request(1 + i, 0, 0, form, ticks) for i, (form, ticks) in enumerate([(2, 8), (1, 0), (1, 33)]))
+    board.tick(link=refused)
+    board.run(100)
+    status = parse_status(board.take(LinkCodec.BOARD_STATUS)[-1].payload)
+    assert (status["trace_form"], status["trace_ticks"], status["frames_refused"]) == (FORM_TIP, 8, 3)
 
 
 def test_status_comes_every_100_ticks_and_with_each_mode(board):
@@ -191,7 +213,7 @@ def scripted_run(board: str, folder: pathlib.Path) -> np.ndarray:
             if i % 70 == 20:
                 pending += random.bytes(60)
             if i % 90 == 30:
-                pending += LinkCodec.encode(LinkCodec.TRACE_REQUEST, i, struct.pack("<IH", i // 2, 40))
+                pending += LinkCodec.trace_request(i, i // 2, 40, form=(FORM_TIP, FORM_FULL)[i // 90 % 2], ticks=3 + i // 90)
             # 4 mm down, 7 mm to and fro, up again (0.03 mm a count).
             count = (round(300 * np.sin(i / 60)), -min(i // 2, 140, max(0, 460 - i)), 0)
             running.tick(encoder=count, current_A=tuple(random.normal(size=3)), link=pending[:500])

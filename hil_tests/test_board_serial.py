@@ -56,7 +56,7 @@ def test_many_requests_in_a_row_are_all_answered(line):
     for number in range(50):
         line.port.write(LinkCodec.request(LinkCodec.GET_INFO, number))
         assert line.wait_for(LinkCodec.GET_INFO).transfer_id == number
-    line.port.write(LinkCodec.encode(LinkCodec.TRACE_REQUEST, 0, struct.pack("<IH", 0, 8)))
+    line.port.write(LinkCodec.trace_request(0, 0, 8))
     status = parse_status(line.wait_for(
         LinkCodec.BOARD_STATUS, lambda frame: parse_status(frame.payload)["frames_received"] >= 51).payload)
     assert (status["frames_refused"], status["frames_lost"]) == (0, 0)

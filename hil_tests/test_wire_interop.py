@@ -162,9 +162,15 @@ def test_pycyphal_reads_our_frames(messages, run):
         assert list(sample.tip_m) == [0.25 * i, -0.5, 0.0]
         assert list(sample.force_N) == [0.0, 1.0, -0.125 * i]
         assert (sample.mode, sample.flags, sample.triangle) == (messages.Contact_1_0.MODE_STICK, 1, 300 + i)
+    tips = sent(MessageDataSpecifier(1604), messages.TipTrace_1_0)
+    assert (tips.first_tick, tips.step_exponent, len(tips.offsets)) == (1010, -15, 7)
+    assert list(tips.tip_m) == [0.0, -0.5, 0.0]
+    for i, offset in enumerate(tips.offsets):
+        assert list(2.0**tips.step_exponent * offset.steps) == [0.125 * (i + 1), 0.0, 0.0]
     status = sent(MessageDataSpecifier(1601), messages.BoardStatus_1_0)
     assert (status.schema_hash, status.tick, status.mode) == (schema_hash, 1100, status.MODE_RENDER)
     assert (status.token, status.worst_tick_count, status.clock_Hz) == (0xDEADBEEF, 5000, 25_000_000)
+    assert (status.trace_form, status.trace_ticks) == (messages.TraceRequest_1_0.FORM_TIP, 8)
     report = sent(MessageDataSpecifier(1602), messages.ModelReport_1_0)
     assert (report.sequence, report.status, report.model_tick, report.swap_tick) == (5, 0, 990, 1010)
     assert report.correction_energy_J == -0.125
@@ -186,6 +192,7 @@ def test_pycyphal_reads_our_frames(messages, run):
     assert np.array_equal(part.data, np.arange(1024, dtype=np.uint8))
     trace_request = sent(MessageDataSpecifier(1611), messages.TraceRequest_1_0)
     assert (trace_request.first_tick, trace_request.count) == (950, 40)
+    assert (trace_request.form, trace_request.ticks) == (trace_request.FORM_TIP, 8)
     command = sent(ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request)
     assert (command.action, command.token) == (command.ARM_CONFIRM, 77)
     sent(ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request)
@@ -221,6 +228,13 @@ def random_messages(messages, rng: np.random.Generator):
     yield MessageDataSpecifier(1600), messages.ServoTrace_1_0(
         sequence=rng.integers(0, 2**32), samples=[sample() for _ in range(rng.integers(0, 33))]
     )
+    def offset():
+        return messages.TipOffset_1_0(steps=rng.integers(-(2**15), 2**15, size=3).astype(np.int16))
+
+    yield MessageDataSpecifier(1604), messages.TipTrace_1_0(
+        first_tick=rng.integers(0, 2**32), tip_m=rng.normal(size=3), step_exponent=int(rng.integers(-36, -11)),
+        offsets=[offset() for _ in range(rng.integers(0, 32))],
+    )
     yield MessageDataSpecifier(1601), messages.BoardStatus_1_0(tick=rng.integers(0, 2**32), faults=0x8001)
     yield MessageDataSpecifier(1602), messages.ModelReport_1_0(
         sequence=rng.integers(0, 2**32), status=0, correction_energy_J=rng.normal()
@@ -232,7 +246,7 @@ def random_messages(messages, rng: np.random.Generator):
         schema_hash=rng.integers(0, 2**63), q_step_m=rng.normal(), displacement=steps(96), load=steps(192), q=steps(192), p=steps(192)
     )
     yield MessageDataSpecifier(1612), messages.ModelPart_1_0(basis_id=rng.integers(0, 2**32), data=octets(1024))
-    yield MessageDataSpecifier(1611), messages.TraceRequest_1_0(first_tick=rng.integers(0, 2**32), count=12)
+    yield MessageDataSpecifier(1611), messages.TraceRequest_1_0(first_tick=rng.integers(0, 2**32), count=12, form=1, ticks=8)
     yield ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request(action=2, token=rng.integers(0, 2**32))
     yield ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response(status=49, mode=1)
     yield ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request()

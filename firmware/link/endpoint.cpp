@@ -119,9 +119,13 @@ Status Endpoint::send_info(const wire::Frame& frame) {
 Status Endpoint::take_trace_request(const wire::Frame& frame) {
   palpate_TraceRequest_1_0 request;
   if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
-  if (request.count > kTipHistory) return Status::payload_malformed;
-  if (request_count_ == requests_.size()) return Status::command_refused;
-  requests_[request_count_++] = {request.first_tick, request.count};
+  if (request.count > kTipHistory || request.form > palpate_TraceRequest_1_0_FORM_TIP || request.ticks == 0 ||
+      request.ticks > wire::kMaxTraceTicks)
+    return Status::payload_malformed;
+  if (request.count > 0 && request_count_ == requests_.size()) return Status::command_refused;
+  if (request.count > 0) requests_[request_count_++] = {request.first_tick, request.count};
+  trace_form_ = request.form;
+  trace_ticks_ = request.ticks;
   return Status::ok;
 }
 
@@ -199,11 +203,18 @@ void Endpoint::send_status() {
     message.missed_deadlines = snapshot.missed_deadlines;
     message.worst_tick_count = snapshot.worst_tick_count;
     message.clock_Hz = clock_Hz_;
+    message.trace_form = trace_form_;
+    message.trace_ticks = trace_ticks_;
     (void)send(message, publication<palpate_BoardStatus_1_0>(status_transfers_));
   }
 }
 
 std::uint32_t Endpoint::send_trace(std::uint32_t first_tick, std::uint32_t count) {
+  return trace_form_ == palpate_TraceRequest_1_0_FORM_TIP ? send_tip_trace(first_tick, count)
+                                                          : send_full_trace(first_tick, count);
+}
+
+std::uint32_t Endpoint::send_full_trace(std::uint32_t first_tick, std::uint32_t count) {
   std::uint32_t held = 0;
   trace_.first_tick = first_tick;
   for (ServoSample sample; held < count && servo_.sample(first_tick + held, sample); ++held) {
@@ -216,20 +227,35 @@ std::uint32_t Endpoint::send_trace(std::uint32_t first_tick, std::uint32_t count
   return held;
 }
 
+std::uint32_t Endpoint::send_tip_trace(std::uint32_t first_tick, std::uint32_t count) {
+  std::array<Vec3f, wire::kMaxTraceTicks> tip_m;
+  std::uint32_t held = 0;
+  for (ServoSample sample; held < count && servo_.sample(first_tick + held, sample); ++held)
+    tip_m[held] = sample.tip_m;
+  if (held == 0) return 0;
+  tip_trace_.first_tick = first_tick;
+  if (wire::write_tips(std::span(tip_m).first(held), tip_trace_) == Status::ok) {
+    (void)send(tip_trace_, publication<palpate_TipTrace_1_0>(tip_transfers_));
+  } else {
+    ++counters_.frames_unsent;  // a path that no arm takes: the host will miss its ticks
+  }
+  return held;
+}
+
 void Endpoint::send_traces() {
   for (std::uint32_t i = 0; i < kTracesPerRun; ++i) {
     const std::uint32_t ready = servo_.next_tick() - next_trace_tick_;
-    if (ready < kTraceTicks) return;
+    if (ready < trace_ticks_) return;
     // What the history no longer holds is lost to the trace; half a history ahead is safely held.
-    if (ready >= kTipHistory - kTraceTicks) next_trace_tick_ += ready - kTipHistory / 2;
-    (void)send_trace(next_trace_tick_, kTraceTicks);
-    next_trace_tick_ += kTraceTicks;
+    if (ready >= kTipHistory - trace_ticks_) next_trace_tick_ += ready - kTipHistory / 2;
+    (void)send_trace(next_trace_tick_, trace_ticks_);
+    next_trace_tick_ += trace_ticks_;
   }
 }
 
 void Endpoint::resend_traces() {
   if (request_count_ == 0) return;
-  constexpr std::uint32_t kMostTicks = palpate_ServoTrace_1_0_samples_ARRAY_CAPACITY_;
+  constexpr std::uint32_t kMostTicks = wire::kMaxTraceTicks;
   if (link_.transmit.free() < frame_.size() + kResendReserve) return;
   TickRange& request = requests_.front();
   // Ticks that have not happened, or are forgotten, are passed over: the request says "as far as the history

@@ -13,11 +13,13 @@
 #include "firmware/ports/ports.hpp"
 #include "shared/wire/frame_receiver.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/tip_trace.hpp"
 #include "shared/wire/transfer_monitor.hpp"
 
 namespace palpate::firmware {
 
-// Servo ticks in one palpate.ServoTrace as they happen: 4 ms of latency, and a frame overhead of a quarter.
+// Servo ticks in one trace as they happen, unless the host asks for another number: 4 ms of latency, and with
+// palpate.ServoTrace a frame overhead of a quarter.
 inline constexpr std::uint32_t kTraceTicks = 4;
 // Traces sent in one background run: catches up after an overrun without flooding the link.
 inline constexpr std::uint32_t kTracesPerRun = 4;
@@ -65,8 +67,11 @@ class Endpoint {
   void send_status();
   void send_traces();
   void resend_traces();
-  // Sends first_tick and the ticks after it, at most `count`. Returns how many the history still held.
+  // Sends first_tick and the ticks after it, at most `count`, in the form that was asked for. Returns how
+  // many the history still held.
   std::uint32_t send_trace(std::uint32_t first_tick, std::uint32_t count);
+  std::uint32_t send_full_trace(std::uint32_t first_tick, std::uint32_t count);
+  std::uint32_t send_tip_trace(std::uint32_t first_tick, std::uint32_t count);
   void refuse(Status status);
 
   // False when the frame did not fit in the transmit ring: dropped whole, and counted.
@@ -90,9 +95,13 @@ class Endpoint {
   Counters counters_{};
   std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of
 
-  std::uint64_t trace_transfers_ = 0, status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
+  std::uint64_t trace_transfers_ = 0, tip_transfers_ = 0;
+  std::uint64_t status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
   std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
   std::uint32_t next_trace_tick_ = 0;
+  // As the host asked for it last (palpate.TraceRequest).
+  std::uint8_t trace_form_ = palpate_TraceRequest_1_0_FORM_FULL;
+  std::uint8_t trace_ticks_ = kTraceTicks;
   struct TickRange {
     std::uint32_t first_tick = 0;
     std::uint32_t count = 0;
@@ -100,9 +109,12 @@ class Endpoint {
   std::array<TickRange, kPendingTraceRequests> requests_{};
   std::size_t request_count_ = 0;
 
-  // Scratch; too large for the stack.
+  // Scratch; too large for the stack. One trace at a time.
   static constexpr std::size_t kLargestPayload = wire::kLargestPayloadToHost;
-  palpate_ServoTrace_1_0 trace_{};
+  union {
+    palpate_ServoTrace_1_0 trace_{};
+    palpate_TipTrace_1_0 tip_trace_;
+  };
   std::array<std::uint8_t, kLargestPayload> payload_{};
   std::array<std::uint8_t, wire::max_frame_bytes(kLargestPayload)> frame_{};
 };

@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <random>
 #include <string>
 
 #include "firmware/test_support.hpp"
+#include "shared/wire/tip_trace.hpp"
 
 namespace palpate::firmware {
 namespace {
@@ -48,6 +50,12 @@ class EndpointTest : public ::testing::Test {
     const auto all = host_.take<palpate_BoardStatus_1_0>();
     EXPECT_FALSE(all.empty());
     return all.empty() ? palpate_BoardStatus_1_0{} : all.back();
+  }
+  static palpate_TraceRequest_1_0 trace_request(std::uint32_t first_tick, std::uint32_t count,
+                                                std::uint8_t form = palpate_TraceRequest_1_0_FORM_FULL,
+                                                std::uint8_t ticks = kTraceTicks) {
+    return {
+        .first_tick = first_tick, .count = static_cast<std::uint16_t>(count), .form = form, .ticks = ticks};
   }
   std::vector<std::uint8_t> command_frame(std::uint64_t transfer_id, std::uint16_t port_specifier) {
     palpate_Command_Request_1_0 request{};
@@ -163,10 +171,7 @@ TEST_F(EndpointTest, TracesEveryTickOnce) {
 TEST_F(EndpointTest, SendsATraceAgain) {
   ticks(200);
   const auto live = host_.take<palpate_ServoTrace_1_0>();
-  palpate_TraceRequest_1_0 request{};
-  request.first_tick = 50;
-  request.count = 100;
-  host_.send(request);
+  host_.send(trace_request(50, 100));
   ticks(8);
   std::uint32_t next_tick = 50;
   for (const auto& trace : host_.take<palpate_ServoTrace_1_0>()) {
@@ -183,13 +188,8 @@ TEST_F(EndpointTest, SendsATraceAgain) {
 TEST_F(EndpointTest, SendsAgainOnlyWhatTheHistoryHolds) {
   ticks(1000);
   host_.take<palpate_ServoTrace_1_0>();
-  palpate_TraceRequest_1_0 request{};
-  request.first_tick = 700;  // 256 ticks of history: from about 748 on
-  request.count = 200;
-  host_.send(request);
-  request.first_tick = 900;
-  request.count = 256;  // to 1155: ends with what has happened
-  host_.send(request);
+  host_.send(trace_request(700, 200));  // 256 ticks of history: from about 748 on
+  host_.send(trace_request(900, 256));  // to 1155: ends with what has happened
   ticks(20);
   std::uint32_t first = UINT32_MAX;
   std::vector<bool> seen(1200);
@@ -203,16 +203,90 @@ TEST_F(EndpointTest, SendsAgainOnlyWhatTheHistoryHolds) {
 }
 
 TEST_F(EndpointTest, RefusesTraceRequestsBeyondItsMeans) {
-  palpate_TraceRequest_1_0 request{};
-  request.count = kTipHistory + 1;
-  host_.send(request);
-  ticks(2);
-  EXPECT_EQ(endpoint_->counters().last_status, Status::payload_malformed);
-  request.count = 1;
-  for (std::size_t i = 0; i < kPendingTraceRequests + 1; ++i) host_.send(request);
+  const std::uint8_t tip = palpate_TraceRequest_1_0_FORM_TIP;
+  for (const auto& bad : {trace_request(0, kTipHistory + 1, tip, 8), trace_request(0, 1, 2, 8),
+                          trace_request(0, 1, tip, 0), trace_request(0, 1, tip, 33)}) {
+    host_.send(bad);
+    ticks(2);
+    EXPECT_EQ(endpoint_->counters().last_status, Status::payload_malformed);
+  }
+  EXPECT_EQ(endpoint_->counters().frames_refused, 4u);
+  for (std::size_t i = 0; i < kPendingTraceRequests; ++i) host_.send(trace_request(0, 1));
+  host_.send(trace_request(0, 1, tip, 8));
   ticks(10);
-  EXPECT_EQ(endpoint_->counters().frames_refused, 2u);
+  EXPECT_EQ(endpoint_->counters().frames_refused, 5u);
   EXPECT_EQ(endpoint_->counters().last_status, Status::command_refused);
+  // What is refused changes nothing.
+  EXPECT_TRUE(host_.take<palpate_TipTrace_1_0>().empty());
+  const auto after = status();
+  EXPECT_EQ(after.trace_form, palpate_TraceRequest_1_0_FORM_FULL);
+  EXPECT_EQ(after.trace_ticks, kTraceTicks);
+}
+
+// Every tick once, in either form, however often that changes; and each where the tip was.
+TEST_F(EndpointTest, SendsTracesInTheFormThatWasAskedForLast) {
+  constexpr std::uint32_t kPerChange = 120;  // a multiple of all numbers of ticks
+  struct Form {
+    std::uint8_t form, ticks;
+  };
+  const std::uint8_t full = palpate_TraceRequest_1_0_FORM_FULL, tip = palpate_TraceRequest_1_0_FORM_TIP;
+  std::uint32_t next_tick = 0;
+  const auto expect_tip = [&](const Vec3d& tip_m, double bound_m) {
+    const device::Pose pose = device::evaluate(
+        device::kPremium15,
+        device::joint_angles(device::kPremium15, {static_cast<std::int32_t>(next_tick % 50), 0, 0}, {}));
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(tip_m[axis], static_cast<double>(pose.tip_m[axis]), bound_m) << next_tick;
+    ++next_tick;
+  };
+  for (const Form& form : {Form{full, 4}, Form{tip, 8}, Form{tip, 1}, Form{full, 10}, Form{tip, 30}}) {
+    const std::uint32_t until = timing_.tick + kPerChange;
+    for (bool asked = false; timing_.tick < until; asked = true) {
+      sensors_.count[0] = static_cast<std::int32_t>(timing_.tick % 50);
+      if (!asked) host_.send(trace_request(0, 0, form.form, form.ticks));
+      ticks(1);
+    }
+    if (form.form == full) {
+      for (const auto& trace : host_.take<palpate_ServoTrace_1_0>()) {
+        EXPECT_EQ(trace.first_tick, next_tick);
+        EXPECT_EQ(trace.samples.count, form.ticks);
+        for (std::size_t i = 0; i < trace.samples.count; ++i) {
+          const float* tip_m = trace.samples.elements[i].tip_m;
+          expect_tip({tip_m[0], tip_m[1], tip_m[2]}, 0.0);
+        }
+      }
+    } else {
+      for (const auto& trace : host_.take<palpate_TipTrace_1_0>()) {
+        EXPECT_EQ(trace.first_tick, next_tick);
+        EXPECT_EQ(trace.offsets.count + 1, form.ticks);
+        for (std::size_t i = 0; i <= trace.offsets.count; ++i)
+          expect_tip(wire::read_tip(trace, i), wire::kTipError_steps * std::ldexp(1.0, trace.step_exponent));
+      }
+    }
+    EXPECT_EQ(next_tick, until);
+    EXPECT_TRUE(host_.take<palpate_ServoTrace_1_0>().empty());
+    EXPECT_TRUE(host_.take<palpate_TipTrace_1_0>().empty());
+  }
+  const auto after = status();
+  EXPECT_EQ(after.trace_form, tip);
+  EXPECT_EQ(after.trace_ticks, 30);
+  EXPECT_EQ(after.frames_unsent, 0u);
+}
+
+TEST_F(EndpointTest, SendsTipsAgain) {
+  ticks(200);
+  host_.send(trace_request(0, 0, palpate_TraceRequest_1_0_FORM_TIP, 8));
+  ticks(8);
+  host_.take<palpate_TipTrace_1_0>();
+  host_.send(trace_request(50, 100, palpate_TraceRequest_1_0_FORM_TIP, 8));
+  ticks(8);
+  std::uint32_t next_tick = 50;
+  for (const auto& trace : host_.take<palpate_TipTrace_1_0>()) {
+    if (trace.first_tick >= 200) continue;  // live
+    EXPECT_EQ(trace.first_tick, next_tick);
+    next_tick += static_cast<std::uint32_t>(trace.offsets.count + 1);
+  }
+  EXPECT_EQ(next_tick, 150u);
 }
 
 TEST_F(EndpointTest, ModelIsTakenAndReported) {

@@ -1,8 +1,11 @@
 #include "host/link/host_endpoint.hpp"
 
+#include <cmath>
 #include <optional>
 #include <stdexcept>
 #include <string>
+
+#include "shared/wire/tip_trace.hpp"
 
 namespace palpate::link {
 namespace {
@@ -13,10 +16,25 @@ void check_range(const char* field, std::size_t value, std::size_t least, std::s
                                 std::to_string(least) + ".." + std::to_string(most));
 }
 
+// Do the numbers of a message that can be decoded say anything?
+template <class Message>
+bool is_good(const Message&) {
+  return true;
+}
+bool is_good(const palpate_ServoTrace_1_0& message) {
+  for (std::size_t i = 0; i < message.samples.count; ++i)
+    for (const float coordinate_m : message.samples.elements[i].tip_m)
+      if (!std::isfinite(coordinate_m)) return false;
+  return true;
+}
+bool is_good(const palpate_TipTrace_1_0& message) {
+  return wire::check_tips(message) == Status::ok;
+}
+
 template <class Message>
 bool decode(const wire::Frame& frame, std::vector<Incoming>& messages) {
   Message message{};
-  if (wire::deserialize(frame.payload, message) != Status::ok) return false;
+  if (wire::deserialize(frame.payload, message) != Status::ok || !is_good(message)) return false;
   messages.emplace_back(message);
   return true;
 }
@@ -60,7 +78,10 @@ OutgoingFrame HostEndpoint::encode(const palpate_ModelState_1_0& message) {
 
 OutgoingFrame HostEndpoint::encode(const palpate_TraceRequest_1_0& message) {
   constexpr std::size_t kMostTicks = 256;  // palpate.TraceRequest
-  check_range("TraceRequest.count", message.count, 1, kMostTicks);
+  check_range("TraceRequest.count", message.count, 0, kMostTicks);
+  check_range("TraceRequest.form", message.form, palpate_TraceRequest_1_0_FORM_FULL,
+              palpate_TraceRequest_1_0_FORM_TIP);
+  check_range("TraceRequest.ticks", message.ticks, 1, wire::kMaxTraceTicks);
   return encode_message(message);
 }
 
@@ -89,7 +110,9 @@ OutgoingFrame HostEndpoint::encode_payload(std::uint16_t specifier, std::span<co
   const auto [next, first] = next_transfer_id_.try_emplace(specifier, options_.first_transfer_id);
   OutgoingFrame frame{.bytes = std::vector<std::uint8_t>(wire::max_frame_bytes(payload.size())),
                       .transfer_id = next->second++};
-  const wire::FrameHeader header{.priority = service ? wire::Priority::high : wire::Priority::nominal,
+  const bool yields = specifier == wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier;
+  const wire::Priority messages = yields ? wire::Priority::low : wire::Priority::nominal;
+  const wire::FrameHeader header{.priority = service ? wire::Priority::high : messages,
                                  .source = options_.node,
                                  .destination = service ? options_.board : wire::kBroadcast,
                                  .specifier = specifier,
@@ -121,6 +144,9 @@ void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vecto
   switch (frame.header.specifier) {
     case wire::MessageTraits<palpate_ServoTrace_1_0>::kSpecifier:
       decoded = decode<palpate_ServoTrace_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_TipTrace_1_0>::kSpecifier:
+      decoded = decode<palpate_TipTrace_1_0>(frame, messages);
       break;
     case wire::MessageTraits<palpate_BoardStatus_1_0>::kSpecifier:
       decoded = decode<palpate_BoardStatus_1_0>(frame, messages);

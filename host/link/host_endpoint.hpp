@@ -30,8 +30,9 @@ struct InfoResponse {
   palpate_GetInfo_Response_1_0 message{};
 };
 
-using Incoming = std::variant<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
-                              palpate_BasisReport_1_0, CommandResponse, InfoResponse>;
+using Incoming =
+    std::variant<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
+                 palpate_ModelReport_1_0, palpate_BasisReport_1_0, CommandResponse, InfoResponse>;
 
 struct EndpointCounters {
   std::uint64_t frames_sent = 0;
@@ -43,7 +44,7 @@ struct EndpointCounters {
   std::uint64_t frames_repeated = 0;  // the same transfer again; ignored
   std::uint64_t frames_foreign = 0;   // from another node or to another one; ignored
   std::uint64_t ports_unknown = 0;    // from the board, but no message of ours
-  std::uint64_t payloads_malformed = 0;  // the decoder refused them
+  std::uint64_t payloads_malformed = 0;  // the decoder refused them, or their numbers say nothing
   std::uint64_t schema_mismatches = 0;   // BoardStatus and GetInfo of a board with other message definitions
 };
 
@@ -65,7 +66,9 @@ class HostEndpoint {
 
   // Encode one frame each; every call is a new transfer. Throw std::invalid_argument, naming field, value and
   // allowed range, for what the wire cannot carry: an array count beyond its bound, a count of ticks
-  // outside 1..256, an unknown action. Values are not judged: a test may send NaN or another schema hash.
+  // outside 0..256, an unknown action or form of trace, ticks of a trace outside 1..32. Values are not
+  // judged: a test may send NaN or another schema hash. Pieces of a basis have low priority: on a bus they
+  // give way to all else.
   OutgoingFrame encode(const palpate_ModelPart_1_0& message);
   OutgoingFrame encode(const palpate_ModelState_1_0& message);
   OutgoingFrame encode(const palpate_TraceRequest_1_0& message);

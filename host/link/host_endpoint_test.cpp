@@ -59,7 +59,8 @@ TEST(HostEndpoint, MessagesToTheBoard) {
   HostEndpoint host;
   wire::FrameHeader header;
   for (std::uint64_t id = 0; id < 3; ++id) {
-    const OutgoingFrame frame = host.encode(palpate_TraceRequest_1_0{.first_tick = 500, .count = 256});
+    const OutgoingFrame frame =
+        host.encode(palpate_TraceRequest_1_0{.first_tick = 500, .count = 256, .form = 1, .ticks = 8});
     const auto request = as_board<palpate_TraceRequest_1_0>(frame.bytes, header);
     EXPECT_EQ(request.first_tick, 500u);
     EXPECT_EQ(request.count, 256u);
@@ -83,7 +84,9 @@ TEST(HostEndpoint, MessagesToTheBoard) {
   palpate_ModelPart_1_0 part{};
   part.data.count = 1024;
   part.data.elements[1023] = 7;
+  EXPECT_EQ(header.priority, wire::Priority::nominal);
   EXPECT_EQ(as_board<palpate_ModelPart_1_0>(host.encode(part).bytes, header).data.elements[1023], 7);
+  EXPECT_EQ(header.priority, wire::Priority::low);  // it gives way on a bus
   EXPECT_EQ(host.counters().frames_sent, 7u);
 }
 
@@ -96,6 +99,11 @@ TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
     stream.insert(stream.end(), bytes.begin(), bytes.end());
   };
   append(from_board(trace(1, 32), 0));
+  palpate_TipTrace_1_0 tips{};
+  tips.first_tick = 42;
+  tips.step_exponent = -20;
+  tips.offsets.count = 7;
+  append(from_board(tips, 0));
   palpate_BoardStatus_1_0 status{};
   status.sequence = 2;
   append(from_board(status, 0));
@@ -112,15 +120,16 @@ TEST(HostEndpoint, MessagesFromTheBoardInTheirOrder) {
   std::vector<Incoming> messages;
   for (const std::uint8_t byte : stream)
     for (Incoming& message : host.receive(std::span(&byte, 1), 0)) messages.push_back(message);
-  ASSERT_EQ(messages.size(), 6u);
+  ASSERT_EQ(messages.size(), 7u);
   EXPECT_EQ(std::get<palpate_ServoTrace_1_0>(messages[0]).samples.elements[31].tip_m[2], 7.75f);
-  EXPECT_EQ(std::get<palpate_BoardStatus_1_0>(messages[1]).sequence, 2u);
-  EXPECT_EQ(std::get<palpate_ModelReport_1_0>(messages[2]).status, 35u);
-  EXPECT_EQ(std::get<palpate_BasisReport_1_0>(messages[3]).basis_id, 77u);
-  EXPECT_EQ(std::get<CommandResponse>(messages[4]).transfer_id, 4u);
-  EXPECT_EQ(std::get<CommandResponse>(messages[4]).message.status, 49u);
-  EXPECT_EQ(std::get<InfoResponse>(messages[5]).message.schema_hash, wire::kSchemaHash);
-  EXPECT_EQ(host.counters().frames_received, 6u);
+  EXPECT_EQ(std::get<palpate_TipTrace_1_0>(messages[1]).first_tick, 42u);
+  EXPECT_EQ(std::get<palpate_BoardStatus_1_0>(messages[2]).sequence, 2u);
+  EXPECT_EQ(std::get<palpate_ModelReport_1_0>(messages[3]).status, 35u);
+  EXPECT_EQ(std::get<palpate_BasisReport_1_0>(messages[4]).basis_id, 77u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[5]).transfer_id, 4u);
+  EXPECT_EQ(std::get<CommandResponse>(messages[5]).message.status, 49u);
+  EXPECT_EQ(std::get<InfoResponse>(messages[6]).message.schema_hash, wire::kSchemaHash);
+  EXPECT_EQ(host.counters().frames_received, 7u);
   EXPECT_EQ(host.counters().frames_lost, 0u);
   EXPECT_EQ(host.counters().bytes_received, stream.size());
 }
@@ -130,7 +139,10 @@ TEST(HostEndpoint, WhatIsNotForItIsCountedAndLeftOut) {
   EXPECT_TRUE(host.receive(from_board(trace(1), 0, 43), 0).empty());
   EXPECT_TRUE(host.receive(from_board(trace(1), 0, wire::kBoardNode, 11), 0).empty());
   EXPECT_EQ(host.counters().frames_foreign, 2u);
-  EXPECT_TRUE(host.receive(from_board(palpate_TraceRequest_1_0{.first_tick = 0, .count = 1}, 0), 0).empty());
+  EXPECT_TRUE(
+      host.receive(
+              from_board(palpate_TraceRequest_1_0{.first_tick = 0, .count = 1, .form = 0, .ticks = 4}, 0), 0)
+          .empty());
   EXPECT_EQ(host.counters().ports_unknown, 1u);
 
   Bytes frame(200);
@@ -144,6 +156,33 @@ TEST(HostEndpoint, WhatIsNotForItIsCountedAndLeftOut) {
   EXPECT_TRUE(host.receive(from_board(trace(1), 1), 0).empty());
   EXPECT_EQ(host.counters().frames_repeated, 1u);
   EXPECT_EQ(host.counters().frames_refused, 0u);
+}
+
+// Tips that say nothing are lost tips: counted, and nobody hears of them.
+TEST(HostEndpoint, TipsThatSayNothingAreRefused) {
+  HostEndpoint host;
+  palpate_TipTrace_1_0 good{};
+  good.step_exponent = -20;
+  good.offsets.count = 3;
+  palpate_TipTrace_1_0 bad = good;
+  bad.step_exponent = -11;
+  EXPECT_TRUE(host.receive(from_board(bad, 0), 0).empty());
+  bad = good;
+  bad.tip_m[1] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_TRUE(host.receive(from_board(bad, 1), 0).empty());
+  palpate_ServoTrace_1_0 full = trace(1);
+  full.samples.elements[9].tip_m[2] = std::numeric_limits<float>::infinity();
+  EXPECT_TRUE(host.receive(from_board(full, 0), 0).empty());
+  // More offsets than there can be: the length's byte, behind 17 others, says so.
+  Bytes payload(400), frame(500);
+  payload[16] = 0xEC;  // -20
+  payload[17] = 32;
+  frame.resize(wire::encode_frame(
+      {.source = wire::kBoardNode, .specifier = wire::kTipTraceSubject, .transfer_id = 2}, payload, frame));
+  EXPECT_TRUE(host.receive(frame, 0).empty());
+  EXPECT_EQ(host.counters().payloads_malformed, 4u);
+  EXPECT_EQ(host.receive(from_board(good, 3), 0).size(), 1u);
+  EXPECT_EQ(host.counters().payloads_malformed, 4u);
 }
 
 void expect_refused(const std::string& expected, const auto& call) {
@@ -166,9 +205,15 @@ TEST(HostEndpoint, UnencodableMessagesNameFieldValueAndRange) {
   palpate_ModelPart_1_0 part{};
   part.data.count = 1025;
   expect_refused("ModelPart.data.count is 1025, allowed 0..1024", [&] { host.encode(part); });
-  expect_refused("TraceRequest.count is 0, allowed 1..256", [&] { host.encode(palpate_TraceRequest_1_0{}); });
-  expect_refused("TraceRequest.count is 257, allowed 1..256",
-                 [&] { host.encode(palpate_TraceRequest_1_0{.first_tick = 0, .count = 257}); });
+  const auto request = [&](std::uint16_t count, std::uint8_t form, std::uint8_t ticks) {
+    return
+        [&host, message = palpate_TraceRequest_1_0{
+                    .first_tick = 0, .count = count, .form = form, .ticks = ticks}] { host.encode(message); };
+  };
+  expect_refused("TraceRequest.count is 257, allowed 0..256", request(257, 0, 4));
+  expect_refused("TraceRequest.form is 2, allowed 0..1", request(1, 2, 4));
+  expect_refused("TraceRequest.ticks is 0, allowed 1..32", request(1, 0, 0));
+  expect_refused("TraceRequest.ticks is 33, allowed 1..32", request(1, 0, 33));
   expect_refused("Command.action is 7, allowed 0..6",
                  [&] { host.encode(palpate_Command_Request_1_0{.action = 7, ._token = 0}); });
   EXPECT_EQ(host.counters().frames_sent, 0u);

@@ -16,6 +16,7 @@
 
 #include "host/link/host_endpoint.hpp"
 #include "shared/wire/frame.hpp"
+#include "shared/wire/tip_trace.hpp"
 
 namespace {
 
@@ -55,6 +56,16 @@ palpate_ServoTrace_1_0 sample_trace() {
   return trace;
 }
 
+// Steps of 2^-15 m.
+palpate_TipTrace_1_0 sample_tip_trace() {
+  std::array<Vec3f, 8> tip_m;
+  for (std::size_t i = 0; i < tip_m.size(); ++i) tip_m[i] = {0.125f * static_cast<float>(i), -0.5f, 0.0f};
+  palpate_TipTrace_1_0 trace{};
+  trace.first_tick = 1010;
+  if (wire::write_tips(tip_m, trace) != Status::ok) std::abort();
+  return trace;
+}
+
 palpate_BoardStatus_1_0 sample_status() {
   palpate_BoardStatus_1_0 status{};
   status.sequence = 4;
@@ -64,6 +75,8 @@ palpate_BoardStatus_1_0 sample_status() {
   status._token = 0xDEADBEEFu;
   status.worst_tick_count = 5000;
   status.clock_Hz = 25'000'000;
+  status.trace_form = palpate_TraceRequest_1_0_FORM_TIP;
+  status.trace_ticks = 8;
   return status;
 }
 
@@ -119,6 +132,7 @@ palpate_GetInfo_Response_1_0 sample_info() {
 void write_samples() {
   link::HostEndpoint host;
   write_from_board(sample_trace(), wire::kBroadcast, 3);
+  write_from_board(sample_tip_trace(), wire::kBroadcast, 5);
   write_from_board(sample_status(), wire::kBroadcast, 4);
   write_from_board(
       palpate_ModelReport_1_0{
@@ -129,7 +143,10 @@ void write_samples() {
   write_from_board(sample_basis_report(), wire::kBroadcast, 2);
   write(host.encode(sample_state()).bytes);
   write(host.encode(sample_part()).bytes);
-  write(host.encode(palpate_TraceRequest_1_0{.first_tick = 950, .count = 40}).bytes);
+  write(
+      host.encode(palpate_TraceRequest_1_0{
+                      .first_tick = 950, .count = 40, .form = palpate_TraceRequest_1_0_FORM_TIP, .ticks = 8})
+          .bytes);
   write(host.encode(
                 palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 77})
             .bytes);
@@ -169,10 +186,11 @@ std::string again_by_specifier(const wire::Frame& frame) {
 
 void print(const wire::Frame& frame) {
   const std::string decoded =
-      again_by_specifier<palpate_ServoTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
-                         palpate_BasisReport_1_0, palpate_ModelState_1_0, palpate_ModelPart_1_0,
-                         palpate_TraceRequest_1_0, palpate_Command_Request_1_0, palpate_Command_Response_1_0,
-                         palpate_GetInfo_Request_1_0, palpate_GetInfo_Response_1_0>(frame);
+      again_by_specifier<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
+                         palpate_ModelReport_1_0, palpate_BasisReport_1_0, palpate_ModelState_1_0,
+                         palpate_ModelPart_1_0, palpate_TraceRequest_1_0, palpate_Command_Request_1_0,
+                         palpate_Command_Response_1_0, palpate_GetInfo_Request_1_0,
+                         palpate_GetInfo_Response_1_0>(frame);
   std::printf(
       "{\"priority\": %u, \"source\": %u, \"destination\": %u, \"specifier\": %u, \"transfer_id\": %llu, "
       "\"payload\": \"%s\", \"decoded\": \"%s\"}\n",

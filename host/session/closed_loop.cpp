@@ -36,7 +36,10 @@ bool contains(const std::vector<std::uint32_t>& ticks, std::uint32_t tick) {
 class Host {
  public:
   Host(const Body& body, const BodyState& start, const ClosedLoopConfig& config)
-      : config_(config), session_(body, start, config.session) {
+      : config_(config), traces_(config.trace), session_(body, start, config.session) {
+    // It repeats the board's rendering to the bit.
+    if (config.session.feedback == Feedback::paper && config.trace.form != TraceForm::full)
+      throw std::invalid_argument("trace: the paper's feedback needs the full one");
     result_.state_at_peak = start;
   }
 
@@ -48,11 +51,12 @@ class Host {
   // Frames that the host hands to the link in this tick. backlog_bytes: of what was handed to it, what has
   // not arrived. A model that would queue behind another is not computed before that one has arrived: a queue
   // of models, each older than the next, would reach the board too late for its tip history, all of them.
-  // Pieces of a basis that is not needed yet go one at a time, when the link has nothing else to carry.
+  // Pieces of a basis that is not needed yet go one at a time, in what the link has left of this tick.
   std::vector<link::OutgoingFrame> poll(std::uint32_t tick, std::size_t backlog_bytes,
                                         double link_bytes_per_tick) {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
+    if (const auto request = traces_.poll()) frames.push_back(endpoint_.encode(*request));
     if (session_.due(tick)) model_is_due_ = true;
     if (model_is_due_ && backlog_bytes <= bytes_behind_model_ &&
         computing_.size() < config_.models_under_way) {
@@ -60,12 +64,8 @@ class Host {
       if (auto update = session_.update())
         computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
       // What is missing still after the next update is interpolated.
-      for (const TickRange& gap : session_.missing()) {
-        palpate_TraceRequest_1_0 request{};
-        request.first_tick = gap.first;
-        request.count = static_cast<std::uint16_t>(std::min<std::uint32_t>(gap.count, kLargestTraceRequest));
-        frames.push_back(endpoint_.encode(request));
-      }
+      for (const TickRange& gap : session_.missing())
+        frames.push_back(endpoint_.encode(traces_.request(gap)));
     }
     if (held_back_ && bases_.is_held(held_back_->packed.state.basis_id)) {
       send_state(*held_back_, tick, frames);
@@ -75,9 +75,10 @@ class Host {
       send(std::move(computing_.front().second), tick, frames);
       computing_.pop_front();
     }
-    if (frames.empty() && backlog_bytes == 0) {
-      // A piece takes a tick, so that what comes up meanwhile waits no longer.
-      const double blocks = link_bytes_per_tick / palpate_ModelPart_1_0_BLOCK_BYTES;
+    const double left_bytes = link_bytes_per_tick - static_cast<double>(backlog_bytes);
+    if (frames.empty() && left_bytes > 0.0) {
+      // What comes up meanwhile waits for a tick at most, and on a slow link for the rest of a block.
+      const double blocks = left_bytes / palpate_ModelPart_1_0_BLOCK_BYTES;
       send_piece(static_cast<std::size_t>(std::clamp(blocks, 1.0, static_cast<double>(kMostBlocks))), tick,
                  frames);
     }
@@ -129,8 +130,6 @@ class Host {
           {row.tick, {row.board.tip_m[0], row.board.tip_m[1], row.board.tip_m[2]}, row.board.model_sequence});
     return replay_models(ticks, sent_, node);
   }
-
-  static constexpr std::uint32_t kLargestTraceRequest = 256;  // palpate.TraceRequest
 
   static constexpr std::size_t kMostBlocks =
       palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
@@ -205,10 +204,12 @@ class Host {
   }
 
   void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
+  void take(const palpate_TipTrace_1_0& trace) { session_.take(trace); }
   void take(const palpate_BoardStatus_1_0& status) {
     require(status.schema_hash == wire::kSchemaHash,
             "it was built from other message definitions than the host: build both from the same version");
     arming_.take(status);
+    traces_.take(status);
     board_lost_ = status.frames_lost;
   }
   void take(const palpate_ModelReport_1_0& report) {
@@ -234,6 +235,7 @@ class Host {
   const ClosedLoopConfig& config_;
   link::HostEndpoint endpoint_;
   Arming arming_;
+  TraceChoice traces_;
   Session session_;
   bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update

@@ -20,6 +20,7 @@
 #include "host/session/node_probe.hpp"
 #include "host/session/session.hpp"
 #include "host/session/simulation.hpp"
+#include "host/session/trace_choice.hpp"
 
 namespace palpate::host {
 
@@ -52,6 +53,7 @@ struct ClosedLoopConfig {
   std::uint32_t ticks = 0;
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   std::uint32_t models_under_way = 1;  // that the host may compute at a time
+  TraceWish trace{};                   // what the board is asked to send of its ticks
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks
   std::optional<int> probe_node;         // whose rendered positions are wanted
@@ -107,7 +109,8 @@ struct ClosedLoopResult {
 };
 
 // Runs `config.ticks` servo ticks and shuts the board down. `down` carries bytes to the board, `up` to the
-// host. Throws what plant, session and peer throw; std::runtime_error("stopped") when progress says so.
+// host. Throws what plant, session and peer throw; std::runtime_error("stopped") when progress says so;
+// std::invalid_argument for Feedback::paper without full traces.
 ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant::Plant& plant,
                                  LockstepPeer& board, link::Medium& down, link::Medium& up,
                                  const ClosedLoopConfig& config, const Progress& progress);

@@ -10,6 +10,7 @@
 #include "host/msd/vectors.hpp"
 #include "host/session/model_message.hpp"
 #include "shared/servo_tick.hpp"
+#include "shared/wire/tip_trace.hpp"
 
 namespace palpate::host {
 namespace {
@@ -35,6 +36,11 @@ void Session::take(const palpate_ServoTrace_1_0& trace) {
     path_.add(trace.first_tick + i,
               {static_cast<double>(tip[0]), static_cast<double>(tip[1]), static_cast<double>(tip[2])});
   }
+}
+
+void Session::take(const palpate_TipTrace_1_0& trace) {
+  for (std::uint32_t i = 0; i <= trace.offsets.count; ++i)
+    path_.add(trace.first_tick + i, wire::read_tip(trace, i));
 }
 
 bool Session::due(std::uint32_t tick) const {

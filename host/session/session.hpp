@@ -59,8 +59,9 @@ class Session {
   // The body must outlive the session. Throws std::invalid_argument as BodySurface and make_builder do.
   Session(const Body& body, BodyState start, const SessionConfig& config);
 
-  // Samples from the board, in any order.
+  // What the board says of ticks, in any order and either form: only the tip's path is used.
   void take(const palpate_ServoTrace_1_0& trace);
+  void take(const palpate_TipTrace_1_0& trace);
 
   // Is a model due in this tick?
   [[nodiscard]] bool due(std::uint32_t tick) const;

@@ -16,6 +16,7 @@ struct Generated;
     static constexpr auto kDeserialize = &palpate_##type##_deserialize_; \
   }
 PALPATE_GENERATED(ServoTrace_1_0);
+PALPATE_GENERATED(TipTrace_1_0);
 PALPATE_GENERATED(BoardStatus_1_0);
 PALPATE_GENERATED(ModelReport_1_0);
 PALPATE_GENERATED(BasisReport_1_0);
@@ -29,6 +30,7 @@ PALPATE_GENERATED(GetInfo_Response_1_0);
 #undef PALPATE_GENERATED
 
 constexpr std::size_t kServoSampleBytes = palpate_ServoSample_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_;
+constexpr std::size_t kTipOffsetBytes = palpate_TipOffset_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_;
 
 // Constants that stand both in DSDL and in C++.
 static_assert(palpate_Contact_1_0_MODE_FREE == static_cast<std::uint8_t>(ContactMode::free));
@@ -68,6 +70,11 @@ std::size_t payload_bytes(const palpate_ServoTrace_1_0& message) {
          kServoSampleBytes * (palpate_ServoTrace_1_0_samples_ARRAY_CAPACITY_ - message.samples.count);
 }
 
+std::size_t payload_bytes(const palpate_TipTrace_1_0& message) {
+  return MessageTraits<palpate_TipTrace_1_0>::kMaxBytes -
+         kTipOffsetBytes * (palpate_TipTrace_1_0_offsets_ARRAY_CAPACITY_ - message.offsets.count);
+}
+
 std::size_t payload_bytes(const palpate_GetInfo_Response_1_0& message) {
   return MessageTraits<palpate_GetInfo_Response_1_0>::kMaxBytes -
          (palpate_GetInfo_Response_1_0_board_ARRAY_CAPACITY_ - message.board.count) -
@@ -96,6 +103,7 @@ Status deserialize(std::span<const std::uint8_t> payload, Message& message) {
   template Status serialize<palpate_##type>(const palpate_##type&, std::span<std::uint8_t>, std::size_t&); \
   template Status deserialize<palpate_##type>(std::span<const std::uint8_t>, palpate_##type&)
 PALPATE_INSTANTIATE(ServoTrace_1_0);
+PALPATE_INSTANTIATE(TipTrace_1_0);
 PALPATE_INSTANTIATE(BoardStatus_1_0);
 PALPATE_INSTANTIATE(ModelReport_1_0);
 PALPATE_INSTANTIATE(BasisReport_1_0);

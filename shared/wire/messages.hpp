@@ -13,6 +13,7 @@
 #include "palpate/ModelReport_1_0.h"
 #include "palpate/ModelState_1_0.h"
 #include "palpate/ServoTrace_1_0.h"
+#include "palpate/TipTrace_1_0.h"
 #include "palpate/TraceRequest_1_0.h"
 #include "palpate/schema_hash.hpp"  // kSchemaHash
 #include "shared/model/local_model.hpp"
@@ -35,6 +36,10 @@ template <>
 struct MessageTraits<palpate_ServoTrace_1_0>
     : BasicMessageTraits<message_specifier(kServoTraceSubject),
                          palpate_ServoTrace_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+template <>
+struct MessageTraits<palpate_TipTrace_1_0>
+    : BasicMessageTraits<message_specifier(kTipTraceSubject),
+                         palpate_TipTrace_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
 template <>
 struct MessageTraits<palpate_BoardStatus_1_0>
     : BasicMessageTraits<message_specifier(kBoardStatusSubject),
@@ -86,6 +91,7 @@ std::size_t payload_bytes(const palpate_ModelState_1_0& message);
 std::size_t payload_bytes(const palpate_ModelPart_1_0& message);
 std::size_t payload_bytes(const palpate_BasisReport_1_0& message);
 std::size_t payload_bytes(const palpate_ServoTrace_1_0& message);
+std::size_t payload_bytes(const palpate_TipTrace_1_0& message);
 std::size_t payload_bytes(const palpate_GetInfo_Response_1_0& message);
 template <class Message>
 constexpr std::size_t payload_bytes(const Message&) {

@@ -137,6 +137,21 @@ TEST(Messages, ServoTraceRoundTrip) {
   }
 }
 
+TEST(Messages, TipTraceRoundTrip) {
+  std::mt19937 random(1);
+  for (const std::size_t offsets : {0u, 3u, 7u, 31u}) {
+    palpate_TipTrace_1_0 trace{};
+    trace.first_tick = 0xFFFFFFF0u;
+    for (float& value : trace.tip_m) value = number(random);
+    trace.step_exponent = -20;
+    trace.offsets.count = offsets;
+    for (std::size_t i = 0; i < offsets; ++i)
+      for (std::int16_t& step : trace.offsets.elements[i].steps) step = static_cast<std::int16_t>(random());
+    expect_round_trip(trace);
+    EXPECT_EQ(to_bytes(trace).size(), 18 + 6 * offsets);
+  }
+}
+
 TEST(Messages, SmallMessagesRoundTrip) {
   palpate_BoardStatus_1_0 status{};
   status.sequence = 1;
@@ -148,7 +163,7 @@ TEST(Messages, SmallMessagesRoundTrip) {
   expect_round_trip(status);
   expect_round_trip(palpate_ModelReport_1_0{
       .sequence = 5, .status = 0, .model_tick = 100, .swap_tick = 130, .correction_energy_J = -2.5e-3f});
-  expect_round_trip(palpate_TraceRequest_1_0{.first_tick = 77, .count = 256});
+  expect_round_trip(palpate_TraceRequest_1_0{.first_tick = 77, .count = 256, .form = 1, .ticks = 8});
   expect_round_trip(
       palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 0x12345678});
   expect_round_trip(palpate_Command_Response_1_0{.status = 49, .mode = 1, ._token = 0});
@@ -188,6 +203,11 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
     bytes[kFixedBytes + prefix.at] = static_cast<std::uint8_t>(prefix.bound + 1);
     EXPECT_EQ(deserialize(bytes, large), Status::payload_malformed) << prefix.at;
   }
+  Bytes tips = to_bytes(palpate_TipTrace_1_0{});
+  tips.resize(1000);
+  tips[17] = 32;
+  palpate_TipTrace_1_0 tip_trace;
+  EXPECT_EQ(deserialize(tips, tip_trace), Status::payload_malformed);
   Bytes part = to_bytes(model_part(0));
   constexpr std::size_t kFixedPartBytes = 10;
   ASSERT_EQ(part.size(), kFixedPartBytes + 2);
@@ -211,6 +231,7 @@ TEST(Messages, RandomPayloadsStayWithinBounds) {
   palpate_ModelState_1_0 state{};
   palpate_ModelPart_1_0 part{};
   palpate_ServoTrace_1_0 trace{};
+  palpate_TipTrace_1_0 tip_trace{};
   palpate_GetInfo_Response_1_0 info{};
   std::size_t decoded = 0;
   for (int trial = 0; trial < 20'000; ++trial) {
@@ -227,6 +248,9 @@ TEST(Messages, RandomPayloadsStayWithinBounds) {
     }
     if (deserialize(bytes, trace) == Status::ok) {
       ASSERT_LE(trace.samples.count, std::size_t{palpate_ServoTrace_1_0_samples_ARRAY_CAPACITY_});
+    }
+    if (deserialize(bytes, tip_trace) == Status::ok) {
+      ASSERT_LE(tip_trace.offsets.count, std::size_t{palpate_TipTrace_1_0_offsets_ARRAY_CAPACITY_});
     }
     if (deserialize(bytes, info) == Status::ok) {
       ASSERT_LE(info.board.count, std::size_t{palpate_GetInfo_Response_1_0_board_ARRAY_CAPACITY_});

@@ -249,7 +249,11 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
         {static_cast<std::uint32_t>(std::lround(number(change, "time_s") / kTick_s)),
          number(change, "grip")});
   }
-  const nb::dict board_faults = table(board, "faults"), link_faults = table(table(scene, "link"), "faults");
+  const nb::dict link = table(scene, "link");
+  config.trace = {choice<host::TraceForm>(text(link, "trace"), "link.trace",
+                                          {{"full", host::TraceForm::full}, {"tip", host::TraceForm::tip}}),
+                  nb::cast<std::uint8_t>(link["trace_ticks"])};
+  const nb::dict board_faults = table(board, "faults"), link_faults = table(link, "faults");
   config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
   config.faults_down = faults(link_faults, "drop_down", "flip_down");

@@ -51,6 +51,12 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
         )
     _check_hand(reader, scene.hand)
     _check_patch(reader, scene)
+    if scene.link.trace == "tip" and scene.model.feedback == "paper":
+        raise reader.error(
+            "link.trace",
+            scene.link.trace,
+            '"full" where model.feedback = "paper": the host repeats the board\'s rendering, to the bit',
+        )
     faults = scene.link.faults
     _check_link_faults(reader, "down", faults.drop_down, faults.flip_down)
     _check_link_faults(reader, "up", faults.drop_up, faults.flip_up)

@@ -370,6 +370,16 @@ class Link:
         unit="bytes",
         default=1_048_576,
     )
+    trace: str = key(
+        Choice(("full", "tip")),
+        "what the board sends of its ticks; `full`: tip, force and contact; `tip`: where the tip was, all that the host "
+        "needs, each coordinate off by 48 nm at most at 0.5 m/s and four ticks a message; records have the rest from the "
+        "emulated board; not with `model.feedback = \"paper\"`",
+        default="full",
+    )
+    trace_ticks: int = key(
+        Integer(1, 32), "ticks in each message of them; the host hears of them that much later", unit="ticks", default=4
+    )
     faults: LinkFaults = section(LinkFaults, "Faults on the link, for tests: at most one a frame.")
 
 

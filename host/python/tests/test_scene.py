@@ -541,6 +541,18 @@ BAD = {
         'scene.toml: board.name = "arduino": must be one of "mps2_an386", "native"',
     ),
     "unknown medium": (GOOD + '[link]\nmedium = "can"', 'scene.toml: link.medium = "can": must be "uart"'),
+    "unknown trace": (
+        GOOD + '[link]\ntrace = "none"',
+        'scene.toml: link.trace = "none": must be one of "full", "tip"',
+    ),
+    "too many ticks in a trace": (
+        GOOD + "[link]\ntrace_ticks = 33",
+        "scene.toml: link.trace_ticks = 33: must be a whole number in [1, 32]",
+    ),
+    "tips alone for the paper's feedback": (
+        GOOD + '[model]\nfeedback = "paper"\n[link]\ntrace = "tip"',
+        'scene.toml: link.trace = "tip": must be "full" where model.feedback = "paper"',
+    ),
     "slow link": (
         GOOD + "[link]\nbaud = 300",
         "scene.toml: link.baud = 300: must be a whole number in [1200, 20000000] bit/s",
