@@ -23,6 +23,8 @@ BUILD_HOST = REPOSITORY / os.environ.get("PALPATE_BUILD_HOST", "build/host")
 BUILD_MPS2 = REPOSITORY / os.environ.get("PALPATE_BUILD_MPS2", "build/mps2_an386")
 NATIVE_IMAGE = BUILD_HOST / "boards/native/palpate_native"
 MPS2_IMAGE = BUILD_MPS2 / "boards/mps2_an386/palpate_mps2_an386.elf"
+BUILD_AN500 = REPOSITORY / os.environ.get("PALPATE_BUILD_AN500", "build/mps2_an500")
+AN500_IMAGE = BUILD_AN500 / "boards/mps2_an500/palpate_mps2_an500.elf"
 
 # boards/lockstep/exchange.hpp
 EMERGENCY_STOP, SHUTDOWN, BURN_CYCLES, CRASH = 1, 2, 4, 8
@@ -361,17 +363,21 @@ class Lockstep:
         return frame, self.process.wait(_WATCHDOG_S)
 
 
-def qemu_command(*arguments: str, icount: str = "shift=3,sleep=off", program_arguments: str = "") -> list[str]:
-    """QEMU with the firmware; 8 ns an instruction. The first serial line of `arguments` is the console, the second the
+def qemu_command(*arguments: str, icount: str = "shift=3,sleep=off", program_arguments: str = "",
+                 machine: str = "mps2-an386", image: pathlib.Path = MPS2_IMAGE) -> list[str]:
+    """QEMU with the firmware; 8 ns an instruction unless icount says otherwise. The first serial line of `arguments` is the console, the second the
     link's UART."""
-    return ["qemu-system-arm", "-M", "mps2-an386", "-icount", icount, "-display", "none", "-monitor", "none",
-            *arguments, "-semihosting-config", "enable=on,target=native" + program_arguments, "-kernel", str(MPS2_IMAGE)]
+    return ["qemu-system-arm", "-M", machine, "-icount", icount, "-display", "none", "-monitor", "none",
+            *arguments, "-semihosting-config", "enable=on,target=native" + program_arguments, "-kernel", str(image)]
 
 
 def lockstep_command(board: str) -> list[str]:
     """Starts a board in lock-step; the FIFOs act.fifo and sen.fifo are in the working directory."""
     if board == "native":
         return [str(NATIVE_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
+    if board == "mps2_an500":
+        return qemu_command("-serial", "file:console.txt", icount="shift=1,sleep=off", machine="mps2-an500",
+                            image=AN500_IMAGE)
     return qemu_command("-serial", "file:console.txt")
 
 
@@ -388,7 +394,7 @@ def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int
 
 @contextlib.contextmanager
 def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
-    """Runs a board ("native" or "mps2") in `folder`, which must not hold the files of another run."""
+    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500") in `folder`, which must not hold the files of another run."""
     folder.mkdir(exist_ok=True)
     for name in ("act.fifo", "sen.fifo"):
         os.mkfifo(folder / name)

@@ -65,7 +65,7 @@ def test_a_processor_fault_is_reported_on_the_console(board, tmp_path):
     board.receive()
     assert board.process.wait(20) == EXIT_PROCESSOR_FAULT
     # Precise bus fault with a valid address (CFSR, Armv7-M B3.2.15).
-    assert "CFSR 00008200 HFSR 40000000 BFAR a0000000" in (tmp_path / "board/console.txt").read_text()
+    assert "CFSR 00008200 HFSR 40000000 BFAR b0000000" in (tmp_path / "board/console.txt").read_text()
 
 
 def test_the_largest_model_leaves_time_in_every_tick(board):

@@ -1,9 +1,9 @@
-"""The golden trace (shared/golden): the same bits on x86-64 at -O0 and -O2 and on the emulated Cortex-M4F."""
+"""The golden trace (shared/golden): the same bits on x86-64 at -O0 and -O2 and on the emulated Cortex-M4F and M7."""
 
 import subprocess
 
 import pytest
-from board_peer import BUILD_HOST, BUILD_MPS2
+from board_peer import BUILD_AN500, BUILD_HOST, BUILD_MPS2
 
 # What the trace hashes to. A change here says that shared/ computes other numbers than before: records, experiments and
 # boards in use change with it. If that is meant, put in what `build/host/shared/golden/golden_o2` prints now, and say in
@@ -19,12 +19,13 @@ GOLDEN = {
     "work": "000000001485ccd5",
 }
 
-_QEMU = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "stdio",
-         "-semihosting-config", "enable=on,target=native", "-kernel"]
+_QEMU = ["qemu-system-arm", "-display", "none", "-monitor", "none", "-serial", "stdio",
+         "-semihosting-config", "enable=on,target=native"]
 _PROGRAMS = {
     "x86-64 -O0": [str(BUILD_HOST / "shared/golden/golden_o0")],
     "x86-64 -O2": [str(BUILD_HOST / "shared/golden/golden_o2")],
-    "Cortex-M4F": [*_QEMU, str(BUILD_MPS2 / "boards/mps2_an386/golden_mps2_an386.elf")],
+    "Cortex-M4F": [*_QEMU, "-M", "mps2-an386", "-kernel", str(BUILD_MPS2 / "boards/mps2_an386/golden_mps2_an386.elf")],
+    "Cortex-M7": [*_QEMU, "-M", "mps2-an500", "-kernel", str(BUILD_AN500 / "boards/mps2_an500/golden_mps2_an500.elf")],
 }
 # Far above the second that the slowest of them takes: a program that needs it has hung.
 _WATCHDOG_S = 60

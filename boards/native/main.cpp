@@ -68,7 +68,7 @@ int main(int argc, char** argv) {
       lockstep ? NativePlatform::in_lockstep(argv[2], argv[3]) : NativePlatform::on_pseudo_terminal();
   const auto frames = std::make_unique<palpate::board::ExchangeFrames>();
   const auto the_board = std::make_unique<Board>(platform, *frames);
-  const auto app = std::make_unique<App>(*the_board, kIdentity);
+  const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4);
   board = the_board.get();
   install_fault_handler();
   if (lockstep) {

@@ -25,10 +25,10 @@ namespace palpate::firmware {
 template <BoardPort Board>
 class App {
  public:
-  App(Board& board, const BoardIdentity& identity)
+  App(Board& board, const BoardIdentity& identity, const CatchUpPolicy& catch_up_policy)
       : board_(board),
         outputs_(board),
-        renderer_(wire::kSchemaHash),
+        renderer_(wire::kSchemaHash, catch_up_policy),
         servo_(device::kPremium15, limits_, static_cast<std::uint32_t>(wire::kSchemaHash), renderer_,
                mailbox_),
         endpoint_(renderer_, servo_, mailbox_, board.link(), identity, board.clock_Hz()) {}

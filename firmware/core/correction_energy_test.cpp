@@ -97,7 +97,7 @@ class CorrectionEnergy : public ::testing::Test {
   [[nodiscard]] double sum_J() const { return static_cast<double>(renderer_->correction_energy_J()); }
 
   static constexpr double kStep_m = 1e-5;
-  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
   std::vector<double> depth_m_;  // by tick
   std::vector<ModelReport> reports_;
 
@@ -121,7 +121,7 @@ TEST_F(CorrectionEnergy, IsTheIntegralOfTheDifferenceOfTwoSprings) {
   // back.
   for (const Case& c : {Case{200.0, 300.0, kStep_m, true}, Case{300.0, 200.0, kStep_m, false},
                         Case{200.0, 300.0, -kStep_m, false}, Case{300.0, 200.0, -kStep_m, true}}) {
-    renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+    renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
     depth_m_.clear();
     reports_.clear();
     tick(-1e-3);

@@ -34,16 +34,24 @@ namespace palpate::firmware {
 
 // Ticks of tip history kept for replay and for resending to the host; a power of two.
 inline constexpr std::uint32_t kTipHistory = 256;
-// Background work per servo tick while a model catches up, in instructions as ModalSurface::work() counts
-// them (docs/benchmarks.md). Fixed, so that every board catches up in the same number of ticks.
-inline constexpr std::uint32_t kCatchUpWork = 70'000;
+// How a board brings a model up to date. Fixed for each board, so that it catches up in the same number of
+// ticks in every run.
+struct CatchUpPolicy {
+  // Background work per servo tick, in instructions as ModalSurface::work() counts them (docs/benchmarks.md).
+  std::uint32_t work;
+  // Steps between two computations of the near field: with kNearPeriod_steps a model is replayed as it will
+  // be rendered.
+  std::uint32_t near_period_steps;
+};
+// For a Cortex-M4F with 125,000 instructions a tick: replaying with every eighth step costs two thirds as
+// much as with every second one (docs/decisions/near_field.md).
+inline constexpr CatchUpPolicy kCatchUpCortexM4{70'000, 8};
+// For a Cortex-M7 with 600,000 cycles a tick (docs/decisions/larger_part.md).
+inline constexpr CatchUpPolicy kCatchUpCortexM7{200'000, kNearPeriod_steps};
 // A model that has not caught up this long after it was accepted gives way to a newer one. Before, a newer
 // one waits: were each superseded by the next, none would ever be rendered where that takes longer than a
 // frame.
 inline constexpr std::uint32_t kCatchUpHorizon_ticks = 50;
-// Steps between two computations of the near field while a model catches up: replaying costs two thirds as
-// much as with those of kNearPeriod_steps (docs/decisions/near_field.md).
-inline constexpr std::uint32_t kCatchUpNearPeriod_steps = 8;
 // What a replayed tick is expected to take at least, before its kind is known.
 inline constexpr std::uint32_t kUsualStepWork = 25'000;
 inline constexpr std::uint32_t kUsualNearStepWork = 20'000;  // of a model with a near field, without that
@@ -68,7 +76,8 @@ struct ModelReport {
 
 class Renderer {
  public:
-  explicit Renderer(std::uint64_t schema_hash) : schema_hash_(schema_hash) {}
+  Renderer(std::uint64_t schema_hash, const CatchUpPolicy& catch_up_policy)
+      : schema_hash_(schema_hash), catch_up_policy_(catch_up_policy) {}
 
   // Interrupt context, once per tick with tick increasing by one: steps the active model against the tip.
   // Records the sample in the history. Without a usable model the force is zero.
@@ -83,13 +92,12 @@ class Renderer {
 
   // Background context. Decodes a serialized palpate.ModelState.1.0 into the shadow slot and starts to catch
   // up. Where its basis is not complete, or the shadow is still catching up (kCatchUpHorizon_ticks), the
-  // state waits, and one that was waiting is superseded. A state that is older than the newest so far, or
-  // comes again, is superseded at once. Anything but Status::ok leaves the active model as it is and fills
-  // `report` for the host; after Status::ok the report comes later, from catch_up.
+  // state waits, and one that was waiting is superseded. Anything but Status::ok leaves the active model as
+  // it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 
-  // Background context, once per servo tick: replays the shadow for about kCatchUpWork. Returns true when
-  // `report` was filled: a state was taken over, superseded, or dropped. There may be more: next_report.
+  // Background context, once per servo tick: replays the shadow for about the policy's work. Returns true
+  // when `report` was filled: a state was taken over, superseded, or dropped. There may be more: next_report.
   bool catch_up(ModelReport& report);
   bool next_report(ModelReport& report);
 
@@ -154,8 +162,6 @@ class Renderer {
   Status load_contact(Slot& slot) const;
   [[nodiscard]] std::uint32_t bases_in_use() const;
   void take(const BasisStore::Events& events);
-  // Is message_ of an older tick than a model in use or under way, or the same one again?
-  [[nodiscard]] bool is_outdated() const;
   // Keeps message_, with its payload, for later.
   void wait(std::span<const std::uint8_t> payload);
   [[nodiscard]] bool shadow_is_busy() const;
@@ -171,6 +177,7 @@ class Renderer {
   void drop_after_reset();
 
   std::uint64_t schema_hash_;
+  CatchUpPolicy catch_up_policy_;
   std::array<Slot, 2> slots_{};
   // Interrupt's own.
   std::atomic<std::uint32_t> active_{0};

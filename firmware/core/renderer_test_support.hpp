@@ -54,9 +54,7 @@ class Reference {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       contact_.barycentric[axis] = m.contact.barycentric[axis];
       contact_.stretch_m[axis] = m.contact.coupling_stretch_m[axis];
-      contact_.overhang_m[axis] = m.contact.overhang_m[axis];
     }
-    contact_.inset_m = m.contact.inset_m;
     contact_.height_m = m.contact.height_m;
   }
   const ContactState<float>& step(const Vec3f& tip_m) {
@@ -68,7 +66,6 @@ class Reference {
     return contact_;
   }
   [[nodiscard]] const ContactState<float>& contact() const { return contact_; }
-  void set_near_period(std::uint32_t steps) { surface_.set_near_period(steps); }
   // How much the force can change per change of the tip, in a step that sticks or has no friction: the
   // inverse of the point's compliance (Frobenius norm, not below the spectral one) and the target's
   // extrapolation.
@@ -149,7 +146,7 @@ struct Runner {
     return status;
   }
 
-  std::unique_ptr<Renderer> renderer = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::unique_ptr<Renderer> renderer = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
   std::uint32_t now = 0;  // the next tick
   std::vector<ModelReport> reports;
   std::vector<BasisStore::Event> basis_events;

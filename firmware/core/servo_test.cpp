@@ -119,7 +119,7 @@ class ServoTest : public ::testing::Test {
 
   const Limits limits_{};
   Mailbox mailbox_{};
-  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
   std::unique_ptr<Servo> servo_ = std::make_unique<Servo>(kDevice, limits_, 1u, *renderer_, mailbox_);
   ServoTiming timing_{};
   ServoSensors sensors_{};
@@ -259,7 +259,7 @@ class TipSourceChange : public ServoTest, public ::testing::WithParamInterface<f
   Taken run(std::uint32_t start, const std::vector<std::uint8_t>& sources) {
     timing_ = {};
     sensors_ = {};
-    renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+    renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
     servo_ = std::make_unique<Servo>(kDevice, limits_, 1u, *renderer_, mailbox_);
     pressed_tick_ = static_cast<float>(start);
     go(start);

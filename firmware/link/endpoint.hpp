@@ -41,7 +41,7 @@ class Endpoint {
         clock_Hz_(clock_Hz) {}
 
   // Once per servo tick: takes what the link has received, sends what is due. Its work is bounded: by the
-  // receive ring, by kCatchUpWork, and by a fixed number of frames of each kind.
+  // receive ring, by that of CatchUpPolicy, and by a fixed number of frames of each kind.
   void run();
 
   // What became of the frames so far.

@@ -66,7 +66,7 @@ class EndpointTest : public ::testing::Test {
   const Limits limits_{};
   Mailbox mailbox_{};
   std::unique_ptr<LinkBuffers> link_ = std::make_unique<LinkBuffers>();
-  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash);
+  std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
   std::unique_ptr<Servo> servo_ =
       std::make_unique<Servo>(device::kPremium15, limits_, 1u, *renderer_, mailbox_);
   std::unique_ptr<Endpoint> endpoint_ = std::make_unique<Endpoint>(

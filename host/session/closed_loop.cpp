@@ -128,7 +128,7 @@ class Host {
     for (const LoopTick& row : recorded)
       ticks.push_back(
           {row.tick, {row.board.tip_m[0], row.board.tip_m[1], row.board.tip_m[2]}, row.board.model_sequence});
-    return replay_models(ticks, sent_, node);
+    return replay_models(ticks, sent_, node, config_.catch_up_policy);
   }
 
   static constexpr std::size_t kMostBlocks =
@@ -214,9 +214,7 @@ class Host {
   }
   void take(const palpate_ModelReport_1_0& report) {
     for (UpdateRecord& update : result_.updates) {
-      // What was taken over stays so, even if it came twice and the second one was refused.
-      if (update.sequence != report.sequence || update.status == static_cast<std::uint8_t>(Status::ok))
-        continue;
+      if (update.sequence != report.sequence) continue;
       update.status = report.status;
       update.swap_tick = report.swap_tick;
       update.correction_energy_J = report.correction_energy_J;

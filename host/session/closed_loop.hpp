@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "boards/lockstep/exchange.hpp"
+#include "firmware/core/renderer.hpp"
 #include "host/link/fault_plan.hpp"
 #include "host/link/medium.hpp"
 #include "host/plant/plant.hpp"
@@ -54,6 +55,7 @@ struct ClosedLoopConfig {
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   std::uint32_t models_under_way = 1;  // that the host may compute at a time
   TraceWish trace{};                   // what the board is asked to send of its ticks
+  firmware::CatchUpPolicy catch_up_policy = firmware::kCatchUpCortexM4;  // the board's
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks
   std::optional<int> probe_node;         // whose rendered positions are wanted

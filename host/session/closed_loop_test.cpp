@@ -63,8 +63,8 @@ class MemoryPeer final : public LockstepPeer {
   MemoryPlatform platform_;
   std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
   std::unique_ptr<Board> board_ = std::make_unique<Board>(platform_, *frames_);
-  std::unique_ptr<firmware::App<Board>> app_ =
-      std::make_unique<firmware::App<Board>>(*board_, firmware::BoardIdentity{"memory", "0"});
+  std::unique_ptr<firmware::App<Board>> app_ = std::make_unique<firmware::App<Board>>(
+      *board_, firmware::BoardIdentity{"memory", "0"}, firmware::kCatchUpCortexM4);
 };
 
 // A frame that the host handed to its link.

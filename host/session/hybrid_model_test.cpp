@@ -35,7 +35,7 @@ struct Error {
 // depth_m deep and goes on alone for `ticks`, over the same tip path as the full body. The board hears of it
 // `late` ticks after that, replays them, and its error counts once it has caught up.
 Error follow(const Material& material, double depth_m, double speed_m_s, int ticks, double sideways_m_s = 0.0,
-             int late = 0) {
+             int late = 0, const firmware::CatchUpPolicy& catch_up_policy = firmware::kCatchUpCortexM4) {
   LatticeSpec spec;
   spec.nodes = {8, 8, 8};
   spec.stiffness_N_m = material.stiffness_N_m;
@@ -64,7 +64,7 @@ Error follow(const Material& material, double depth_m, double speed_m_s, int tic
   pack_model(model, {1, static_cast<std::uint32_t>(made), 1000, TipSource::counts, ModelKind::modes}, law,
              SurfaceKind::smooth, surface.friction(), contact, *message);
 
-  auto renderer = std::make_unique<firmware::Renderer>(wire::kSchemaHash);
+  auto renderer = std::make_unique<firmware::Renderer>(wire::kSchemaHash, catch_up_policy);
   firmware::ModelReport report;
   const auto tick = [&](int t) { return renderer->isr_tick(static_cast<std::uint32_t>(t), narrow(tip(t))); };
   (void)tick(made);
@@ -102,6 +102,14 @@ TEST(HybridModel, FollowsADeepPressForTwoFrames) {
 TEST(HybridModel, FollowsADeepPressWhenItHasCaughtUp) {
   EXPECT_LT(follow({}, 5e-3, 0.015, 66, 0.0, 20).worst, 0.006);
   EXPECT_LT(follow({}, 5e-3, 0.005, 99, 0.0, 33).worst, 0.003);
+}
+
+// Replayed with the period of rendering, it is as if it had never been late, to the bit.
+TEST(HybridModel, WithTimeForItIsReplayedAsItIsRendered) {
+  const auto on = [](int late) {
+    return follow({}, 5e-3, 0.015, 66, 0.0, late, firmware::kCatchUpCortexM7).at_end;
+  };
+  EXPECT_EQ(on(20), on(0));
 }
 
 TEST(HybridModel, FollowsAPressAskew) {

@@ -25,7 +25,9 @@ std::vector<std::uint8_t> payload_of(const Message& message) {
 }  // namespace
 
 ModelReplay::ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std::uint32_t tick)
-    : basis_(model.basis), renderer_(std::make_unique<firmware::Renderer>(wire::kSchemaHash)), tick_(tick) {
+    : basis_(model.basis),
+      renderer_(std::make_unique<firmware::Renderer>(wire::kSchemaHash, firmware::kCatchUpCortexM4)),
+      tick_(tick) {
   firmware::ModelReport report;
   (void)renderer_->isr_tick(tick_, tip_m);
   if (basis_) {
@@ -51,8 +53,8 @@ ModelReplay::ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std
   view_.load = load_.data();
 }
 
-void ModelReplay::set_catching_up(bool catching_up) {
-  renderer_->isr_set_near_period(catching_up ? firmware::kCatchUpNearPeriod_steps : kNearPeriod_steps);
+void ModelReplay::set_near_period(std::uint32_t steps) {
+  renderer_->isr_set_near_period(steps);
 }
 
 firmware::ServoSample ModelReplay::step(const Vec3f& tip_m) {

@@ -1,5 +1,5 @@
 // The board's rendering of one local model, repeated on the host by the board's own code: same messages, same
-// tip positions, same bits; of a model with a near field that came late as far as it is told when it caught
+// tip positions, same bits; of a model with a near field that came late as far as it is told how it caught
 // up.
 #pragma once
 
@@ -22,9 +22,10 @@ class ModelReplay {
   // Starts it at a later tick: kinds that the board does not roll forward.
   ModelReplay(const wire::PackedModel& model, const Vec3f& tip_m, std::uint32_t tick);
 
-  // The board computes the near field less often while a model catches up: true before the first step, false
-  // before the tick of its take-over. Without it the model has never been late.
-  void set_catching_up(bool catching_up);
+  // Steps between two computations of the near field. While a model catches up the board's CatchUpPolicy has
+  // it: before the first step; kNearPeriod_steps before the tick of its take-over. Without it the model has
+  // never been late.
+  void set_near_period(std::uint32_t steps);
 
   // The next servo tick, with the tip where the board had it.
   firmware::ServoSample step(const Vec3f& tip_m);

@@ -89,7 +89,8 @@ TEST_F(ModelReplayTest, AProbeKnowsWhereTheModelWasActive) {
   // Lost before the take-over, the tick is replayed all the same; lost afterwards, it is not stepped.
   ModelReplay reference(packed_, kFar_m);
   for (int tick = 1; tick < 10; ++tick) (void)reference.step(kFar_m);
-  const auto probed = replay_models(ticks, std::vector<SentModel>{sent}, model_.node[5]).ticks;
+  const auto probed =
+      replay_models(ticks, std::vector<SentModel>{sent}, model_.node[5], firmware::kCatchUpCortexM4).ticks;
   ASSERT_EQ(probed.size(), ticks.size());
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     if (ticks[i].model_sequence != 7) {
@@ -101,7 +102,8 @@ TEST_F(ModelReplayTest, AProbeKnowsWhereTheModelWasActive) {
     for (std::size_t axis = 0; axis < 3; ++axis)
       EXPECT_EQ(probed[i].node_m[axis], expected[static_cast<Eigen::Index>(axis)]) << ticks[i].tick;
   }
-  for (const ReplayedTick& tick : replay_models(ticks, std::vector<SentModel>{sent}, 0).ticks)
+  for (const ReplayedTick& tick :
+       replay_models(ticks, std::vector<SentModel>{sent}, 0, firmware::kCatchUpCortexM4).ticks)
     EXPECT_TRUE(std::isnan(tick.node_m.z));  // no node of the patch
 }
 

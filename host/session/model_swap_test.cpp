@@ -122,7 +122,8 @@ class Loop {
 
   Body body_ = block(kSide);
   Session session_;
-  std::unique_ptr<firmware::Renderer> renderer_ = std::make_unique<firmware::Renderer>(wire::kSchemaHash);
+  std::unique_ptr<firmware::Renderer> renderer_ =
+      std::make_unique<firmware::Renderer>(wire::kSchemaHash, firmware::kCatchUpCortexM4);
   std::deque<ModelUpdate> sent_;
   std::deque<Delivery> under_way_;
   std::uint32_t now_ = 0;

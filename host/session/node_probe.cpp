@@ -51,7 +51,8 @@ class CorrectionAccount {
 
 }  // namespace
 
-Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentModel> models, int node) {
+Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentModel> models, int node,
+                     const firmware::CatchUpPolicy& catch_up_policy) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   Replay result{std::vector<ReplayedTick>(ticks.size(), {{kNone, kNone, kNone}, {}}),
                 std::vector<double>(models.size(), kNone)};
@@ -70,7 +71,7 @@ Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentMo
     const Vec3f start_m = ticks[row_from(ticks, start, state.sequence)].tip_m;
     ModelReplay replay(model.model, start_m, start);
     CorrectionAccount account(start_m);
-    replay.set_catching_up(true);
+    replay.set_near_period(catch_up_policy.near_period_steps);
     // In the background every tick is replayed, with the tip of the next one where a tick was lost; from the
     // swap on the interrupt steps once for each tick that it had.
     for (std::uint32_t tick = start + 1; tick < active->tick; ++tick) {
@@ -79,7 +80,7 @@ Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentMo
       const Vec3f force_N = replay.step(ticks[row].tip_m).force_N;
       if (tick >= account_from) account.change(force_N, result.ticks[row].force_N);
     }
-    replay.set_catching_up(false);
+    replay.set_near_period(kNearPeriod_steps);
     account.move(active->tip_m);
     result.correction_energy_J[m] = account.energy_J();
     account_from = active->tick;

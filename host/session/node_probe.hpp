@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "firmware/core/renderer.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/wire/packed_model.hpp"
 
@@ -39,7 +40,8 @@ struct Replay {
 
 // Renders every model again with the board's code, from its own tick to the last one in which it was active
 // (model_replay.hpp). ticks: in order; numbers may be missing (lost ticks: the board then takes the tip of
-// the next one). models: in the order in which they were sent.
-Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentModel> models, int node);
+// the next one). models: in the order in which they were sent. catch_up_policy: the board's.
+Replay replay_models(std::span<const RenderedTick> ticks, std::span<const SentModel> models, int node,
+                     const firmware::CatchUpPolicy& catch_up_policy);
 
 }  // namespace palpate::host

@@ -254,6 +254,8 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
                                           {{"full", host::TraceForm::full}, {"tip", host::TraceForm::tip}}),
                   nb::cast<std::uint8_t>(link["trace_ticks"])};
   const nb::dict board_faults = table(board, "faults"), link_faults = table(link, "faults");
+  // Board native catches up as mps2_an386 does.
+  if (text(board, "name") == "mps2_an500") config.catch_up_policy = firmware::kCatchUpCortexM7;
   config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
   config.faults_down = faults(link_faults, "drop_down", "flip_down");

@@ -122,7 +122,10 @@ def blocks() -> dict[str, str]:
         "frontier_metrics": summary_table(metrics.METRICS),
         "frontier_builders": _table(
             ["builder", "meaning", "keys of the scene"],
-            [[f"`{b.name}`", b.title, _settings(b.overrides)] for b in points.BUILDERS.values()],
+            [
+                [f"`{b.name}`", b.title, _settings({**b.overrides, **({"board.name": b.board} if b.board else {})})]
+                for b in points.BUILDERS.values()
+            ],
         ),
         "frontier_experiments": _table(
             ["experiment", "meaning", "keys of the scene"],

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -49,14 +50,14 @@ class BoardType:
     instructions_per_count: int | None
 
 
-def _qemu_command(image: Path) -> list[str]:
-    # shift=3: 8 ns an instruction, 125 MIPS; sleep=off: virtual time does not wait for the wall clock.
+def _qemu_command(machine: str, shift: int, image: Path) -> list[str]:
+    # sleep=off: virtual time does not wait for the wall clock.
     return [
         "qemu-system-arm",
         "-M",
-        "mps2-an386",
+        machine,
         "-icount",
-        "shift=3,sleep=off",
+        f"shift={shift},sleep=off",
         "-display",
         "none",
         "-monitor",
@@ -74,13 +75,22 @@ def _native_command(image: Path) -> list[str]:
     return [str(image), "--lockstep", "act.fifo", "sen.fifo"]
 
 
-# mps2_an386 counts at 25 MHz: 125 MIPS / 25 MHz = 5 instructions a count.
+def _mps2(name: str, shift: int) -> BoardType:
+    # An instruction takes 2^shift ns; its clock counts every 40 ns.
+    return BoardType(
+        name,
+        BUILD / f"{name}/boards/{name}/palpate_{name}.elf",
+        partial(_qemu_command, name.replace("_", "-"), shift),
+        40 >> shift,
+    )
+
+
+# 125 and 500 million instructions a second: 125,000 and 500,000 a servo tick.
 BOARDS = {
     board.name: board
     for board in (
-        BoardType(
-            "mps2_an386", BUILD / "mps2_an386/boards/mps2_an386/palpate_mps2_an386.elf", _qemu_command, 5
-        ),
+        _mps2("mps2_an386", 3),
+        _mps2("mps2_an500", 1),
         BoardType("native", BUILD / "host/boards/native/palpate_native", _native_command, None),
     )
 }

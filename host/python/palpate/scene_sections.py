@@ -319,8 +319,8 @@ class Board:
     """Where the firmware runs."""
 
     name: str = key(
-        Choice(("mps2_an386", "native")),
-        "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `native`: the same firmware as a Linux process",
+        Choice(("mps2_an386", "mps2_an500", "native")),
+        "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `mps2_an500`: that for a Cortex-M7; `native`: the same firmware as a Linux process",
         default="mps2_an386",
     )
     faults: BoardFaults = section(BoardFaults, "What goes wrong on the board, for tests.")

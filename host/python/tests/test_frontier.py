@@ -236,6 +236,9 @@ def test_goals_of_the_default_builder() -> None:
     rows = {goal.metric: goal for goal in results.goals([replace(slide, metrics={**slide.metrics, "same_mode_percent": 98.0})])}
     assert rows["same_mode_percent"].at_least
     assert rows["same_mode_percent"].reached
+    # The larger part has the same bounds.
+    larger = results.goals([made_up_point(points.LARGER_PART, 0.25, 1.0)])
+    assert [goal.reached for goal in larger if goal.metric == "error_percent"] == [True]
     assert not results.Goal("a", "error_percent", 1.0, False, None).reached
     assert not results.Goal("a", "error_percent", 1.0, False, float("nan")).reached
 
@@ -451,7 +454,7 @@ def made_up_late(error: dict[str, float]) -> dict[str, Any]:
 
 
 def test_the_report_judges_patch_and_default_and_lists_every_builder(tmp_path: Path) -> None:
-    error = {name: 0.1 for name in points.BUILDERS} | {"hold": 0.4, "patch": 0.2, points.DEFAULT: 0.05}
+    error = {name: 0.1 for name in late.BUILDERS} | {"hold": 0.4, "patch": 0.2, points.DEFAULT: 0.05}
     records = made_up_late(error)
     found = late.checks(records)
     judged = {check.name: check for check in found if check.passed is not None}
@@ -459,8 +462,8 @@ def test_the_report_judges_patch_and_default_and_lists_every_builder(tmp_path: P
     assert [check.measured for check in judged.values()] == pytest.approx([0.5, 0.25] * len(points.QUICK), rel=1e-5)
     assert all(check.passed for check in judged.values())
     for table in late.tables(records):
-        assert len(table.names) == len(table.rows) == len(points.BUILDERS)
-        assert [row[0] for row in table.rows] == pytest.approx([100 * error[name] for name in points.BUILDERS], rel=1e-5)
+        assert len(table.names) == len(table.rows) == len(late.BUILDERS)
+        assert [row[0] for row in table.rows] == pytest.approx([100 * error[name] for name in late.BUILDERS], rel=1e-5)
         assert sum("(default)" in name for name in table.names) == 1
     late.draw(records, tmp_path / "plot.png")
     assert (tmp_path / "plot.png").stat().st_size > 10_000

@@ -538,7 +538,7 @@ BAD = {
     ),
     "unknown board": (
         GOOD + '[board]\nname = "arduino"',
-        'scene.toml: board.name = "arduino": must be one of "mps2_an386", "native"',
+        'scene.toml: board.name = "arduino": must be one of "mps2_an386", "mps2_an500", "native"',
     ),
     "unknown medium": (GOOD + '[link]\nmedium = "can"', 'scene.toml: link.medium = "can": must be "uart"'),
     "unknown trace": (

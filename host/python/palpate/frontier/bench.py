@@ -57,18 +57,21 @@ def program_version(core: Any, board: str) -> str:
 
 
 def run_points(core: Any, points: Sequence[Point], out: Path, board: str, progress: OpenBar) -> list[Measured]:
-    """Measures every point, in the order given. What an earlier call left in `out` is taken where the scene and the program
+    """Measures every point, in the order given, on `board` where its builder names no other. What an earlier call left in `out` is taken where the scene and the program
     are the same. Raises SceneError, hil.BoardError, or what the core raises; what was measured until then is kept."""
-    version = program_version(core, board)
-    scenes = {point.name: load_scene(point.run.file, point.run.overrides).with_board(board) for point in points}
-    keys = {name: digest([scene.to_dict(), version]) for name, scene in scenes.items()}
+    boards = {point.name: point.builder.board or board for point in points}
+    versions = {name: program_version(core, name) for name in {board, *boards.values()}}
+    scenes = {
+        point.name: load_scene(point.run.file, point.run.overrides).with_board(boards[point.name]) for point in points
+    }
+    keys = {name: digest([scene.to_dict(), versions[boards[name]]]) for name, scene in scenes.items()}
     planned = [
         Job("frontier", point.run, scenes[point.name], out / RUNS / point.name)
         for point in points
         if _kept(out, point, keys[point.name]) is None
     ]
     by_name = {point.name: point for point in points}
-    kept_references = References(core, out / KEPT_REFERENCES, version)
+    kept_references = References(core, out / KEPT_REFERENCES, versions[board])
 
     def finish(done: Done, go_on: Callable[[], None]) -> None:
         name = done.job.run.name

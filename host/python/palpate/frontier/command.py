@@ -107,7 +107,7 @@ def format_tables(values: dict[str, Any], points: Sequence[Measured]) -> str:
         ]
         for goal in values["goals"]
     ]
-    title = f"Numbers to reach, by the default builder ({BUILDERS[values['default_builder']].title})"
+    title = f"Numbers to reach, by the default builder ({BUILDERS[values['default_builder']].title}) and on the larger part"
     lines += _table(title, ("number", "bound", "measured", ""), goal_rows)
     if values["ram"] is not None:
         lines.append(f"RAM: {values['ram']['renderer']:,} bytes for models and tip history, {values['ram']['image']:,} in all")

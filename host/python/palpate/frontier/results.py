@@ -11,7 +11,7 @@ from palpate import __version__
 from palpate.frontier.bench import Measured
 from palpate.frontier.metrics import METRICS
 from palpate.frontier.pareto import dominated
-from palpate.frontier.points import BUILDERS, DEFAULT, Bounds
+from palpate.frontier.points import BUILDERS, DEFAULT, LARGER_PART, Bounds
 from palpate.frontier.ram import Ram
 from palpate.reproduce.checks import number_or_none
 
@@ -84,10 +84,10 @@ def on_frontier(points: Sequence[Measured], costs: Sequence[Cost] = COSTS) -> di
 
 
 def goals(points: Sequence[Measured]) -> list[Goal]:
-    """The numbers to reach, of the default builder, in the experiments that were run."""
+    """The numbers to reach, of the default builder and of that on the larger part, in the experiments that were run."""
     rows = []
     for point in points:
-        if point.point.builder.name != DEFAULT or point.point.sweep is not None:
+        if point.point.builder.name not in (DEFAULT, LARGER_PART) or point.point.sweep is not None:
             continue
         bounds: Bounds = point.point.experiment.bounds
         for metric, bound in asdict(bounds).items():
@@ -108,7 +108,8 @@ def to_dict(points: Sequence[Measured], board: str, version: str, quick: bool, r
         "default_builder": DEFAULT,
         "metrics": {metric.name: {"unit": metric.unit, "definition": metric.definition} for metric in METRICS},
         "builders": {
-            name: {"title": builder.title, "overrides": dict(builder.overrides)} for name, builder in BUILDERS.items()
+            name: {"title": builder.title, "overrides": dict(builder.overrides), "board": builder.board}
+            for name, builder in BUILDERS.items()
         },
         "ram": None if ram is None else asdict(ram),
         "goals": [{**asdict(goal), "measured": _plain(goal.measured), "reached": goal.reached} for goal in goals(points)],

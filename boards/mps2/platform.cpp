@@ -1,4 +1,4 @@
-#include "boards/mps2_an386/platform.hpp"
+#include "boards/mps2/platform.hpp"
 
 #include <array>
 
@@ -52,7 +52,7 @@ void Mps2Platform::burn() {
 }
 
 void Mps2Platform::crash() {
-  constexpr std::uintptr_t kNothingThere = 0xA0000000u;
+  constexpr std::uintptr_t kNothingThere = 0xB0000000u;
   [[maybe_unused]] const std::uint32_t word = at<volatile std::uint32_t>(kNothingThere);
 }
 

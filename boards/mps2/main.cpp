@@ -1,12 +1,13 @@
-// The firmware on QEMU's mps2-an386: interrupt handlers, fault report and main loop.
+// The firmware on QEMU's MPS2 boards: interrupt handlers, fault report and main loop.
 #include <array>
 #include <cstdint>
 
 #include "boards/lockstep/emulated_board.hpp"
-#include "boards/mps2_an386/console.hpp"
-#include "boards/mps2_an386/platform.hpp"
-#include "boards/mps2_an386/registers.hpp"
+#include "boards/mps2/console.hpp"
+#include "boards/mps2/platform.hpp"
+#include "boards/mps2/registers.hpp"
 #include "firmware/app/app.hpp"
+#include "part.hpp"
 
 namespace {
 
@@ -15,7 +16,7 @@ using palpate::board::print_hex;
 using Board = palpate::board::EmulatedBoard<palpate::board::Mps2Platform>;
 using App = palpate::firmware::App<Board>;
 
-constexpr palpate::firmware::BoardIdentity kIdentity{"mps2_an386", PALPATE_VERSION};
+constexpr palpate::firmware::BoardIdentity kIdentity{palpate::board::kBoardName, PALPATE_VERSION};
 
 [[gnu::section(".exchange")]] palpate::board::ExchangeFrames exchange_frames;
 
@@ -104,7 +105,7 @@ void uart1_receive_handler() {
   platform = &the_platform;
   the_platform.begin();
   static Board the_board(the_platform, exchange_frames);
-  static App the_app(the_board, kIdentity);
+  static App the_app(the_board, kIdentity, palpate::board::kCatchUp);
   board = &the_board;
   app = &the_app;
   print_banner();

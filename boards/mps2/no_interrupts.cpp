@@ -1,6 +1,6 @@
 // Handlers of the images that run without interrupts: the golden trace and the benchmark.
 #include "boards/lockstep/exchange.hpp"
-#include "boards/mps2_an386/semihosting.hpp"
+#include "boards/mps2/semihosting.hpp"
 
 extern "C" {
 

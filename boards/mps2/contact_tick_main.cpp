@@ -1,13 +1,13 @@
-// Measures the contact tick on QEMU's mps2-an386 (shared/bench, host/bench/contact_tick.py): the command line
+// Measures the contact tick on a QEMU MPS2 board (shared/bench, host/bench/contact_tick.py): the command line
 // is the number of situations of each size and surface; prints a line "size surface tick kind counts" for
 // each tick on UART0, counts of the 25 MHz clock in hexadecimal, and ends QEMU.
 #include <array>
 #include <cstdint>
 #include <string_view>
 
-#include "boards/mps2_an386/console.hpp"
-#include "boards/mps2_an386/registers.hpp"
-#include "boards/mps2_an386/semihosting.hpp"
+#include "boards/mps2/console.hpp"
+#include "boards/mps2/registers.hpp"
+#include "boards/mps2/semihosting.hpp"
 #include "shared/bench/contact_situations.hpp"
 
 namespace {

@@ -1,10 +1,10 @@
-// The golden trace (shared/golden) on QEMU's mps2-an386: prints its hashes on UART0 as shared/golden/main.cpp
-// does, and ends QEMU.
+// The golden trace (shared/golden) on QEMU's MPS2 boards: prints its hashes on UART0 as
+// shared/golden/main.cpp does, and ends QEMU.
 #include <cstdint>
 #include <string_view>
 
-#include "boards/mps2_an386/console.hpp"
-#include "boards/mps2_an386/semihosting.hpp"
+#include "boards/mps2/console.hpp"
+#include "boards/mps2/semihosting.hpp"
 #include "shared/golden/golden_trace.hpp"
 
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "boards/mps2_an386/registers.hpp"
+#include "boards/mps2/registers.hpp"
 
 namespace palpate::board {
 

@@ -1,4 +1,4 @@
-// What lies under the emulated board on QEMU's mps2-an386 (boards/lockstep/emulated_board.hpp).
+// What lies under the emulated board on QEMU's MPS2 boards (boards/lockstep/emulated_board.hpp).
 #pragma once
 
 #include <cstddef>
@@ -6,8 +6,8 @@
 #include <span>
 
 #include "boards/lockstep/exchange.hpp"
-#include "boards/mps2_an386/registers.hpp"
-#include "boards/mps2_an386/semihosting.hpp"
+#include "boards/mps2/registers.hpp"
+#include "boards/mps2/semihosting.hpp"
 #include "firmware/ports/ports.hpp"
 
 namespace palpate::board {

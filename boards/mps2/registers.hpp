@@ -1,6 +1,6 @@
-// Registers of Arm's MPS2 board with application note AN386 (Cortex-M4F), as far as they are used here.
-// Sources: Arm DAI 0386, memory map; Cortex-M System Design Kit (DDI 0479) for timer and UART; ARMv7-M (DDI
-// 0403).
+// Registers of Arm's MPS2 board with application note AN386 (Cortex-M4F) or AN500 (Cortex-M7), as far as they
+// are used here: the same in both. Sources: Arm DAI 0386 and DAI 0500, memory maps; Cortex-M System Design
+// Kit (DDI 0479) for timer and UART; ARMv7-M (DDI 0403).
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ inline constexpr std::uint32_t kUartReceiveEnable = 1u << 1;
 inline constexpr std::uint32_t kUartReceiveInterruptEnable = 1u << 3;
 inline constexpr std::uint32_t kUartReceiveInterrupt = 1u << 1;
 
-// System control block of the Cortex-M4, as far as a fault report needs it.
+// System control block of the processor, as far as a fault report needs it.
 struct FaultRegisters {
   volatile std::uint32_t configurable_status;  // CFSR, 0xE000ED28
   volatile std::uint32_t hard_status;          // HFSR

@@ -1,0 +1,32 @@
+# What both MPS2 boards build from this folder. A board's CMakeLists.txt sets PALPATE_FLASH_BYTES, PALPATE_RAM_BYTES and
+# PALPATE_STACK_BYTES, which is part of the RAM, to those of the part that it stands for, includes this, and has part.hpp.
+set(_mps2 ${CMAKE_CURRENT_LIST_DIR})
+set(_script ${CMAKE_CURRENT_BINARY_DIR}/link.ld)
+configure_file(${_mps2}/link.ld.in ${_script} @ONLY)
+
+add_library(palpate_mps2 OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp)
+target_include_directories(palpate_mps2 PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+target_compile_definitions(palpate_mps2 PRIVATE PALPATE_VERSION="${PROJECT_VERSION}")
+target_link_libraries(palpate_mps2 PUBLIC palpate_firmware)
+
+add_executable(palpate_${PALPATE_BOARD})
+set_target_properties(palpate_${PALPATE_BOARD} PROPERTIES SUFFIX .elf LINKER_LANGUAGE CXX)
+target_link_libraries(palpate_${PALPATE_BOARD} PRIVATE palpate_mps2)
+palpate_bare_metal_link(palpate_${PALPATE_BOARD} ${_script})
+palpate_check_image(palpate_${PALPATE_BOARD}
+  FLASH ${PALPATE_FLASH_BYTES} RAM ${PALPATE_RAM_BYTES}
+  # Entry functions by priority: each may interrupt those before it.
+  CONTEXTS start_up uart1_receive_handler timer0_handler report_hard_fault
+  OBJECTS palpate_mps2 palpate_firmware palpate_shared)
+
+# palpate_mps2_program(NAME SOURCE LIBRARY): an image of its own, NAME_BOARD.elf, that runs without interrupts.
+function(palpate_mps2_program name source library)
+  set(_target ${name}_${PALPATE_BOARD})
+  add_executable(${_target} ${_mps2}/${source} ${_mps2}/no_interrupts.cpp ${_mps2}/startup.cpp)
+  set_target_properties(${_target} PROPERTIES SUFFIX .elf)
+  target_link_libraries(${_target} PRIVATE ${library})
+  palpate_bare_metal_link(${_target} ${_script})
+endfunction()
+
+# The golden trace on this processor (hil_tests/test_golden.py).
+palpate_mps2_program(golden golden_main.cpp palpate_golden)
