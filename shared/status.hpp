@@ -22,7 +22,7 @@ enum class [[nodiscard]] Status : std::uint8_t{
     model_not_finite = 33,    // NaN or infinity in it
     model_inconsistent = 34,  // counts that do not fit together, an index out of range
     model_too_old = 35,       // its tick is no longer in the tip history: cannot be rolled forward
-    model_superseded = 36,    // a newer one came before this one was in use
+    model_superseded = 36,    // a newer one came before this one was in use, or it came twice
     model_from_future = 37,   // its tick has not happened yet
     // bases of local models
     basis_missing = 38,       // not all of it has come

@@ -303,6 +303,20 @@ void Renderer::supersede_waiting() {
   add_report(waiting_report_);
 }
 
+// Reordered, or repeated as a new transfer. A tick from the future is refused in its turn: it holds up none.
+bool Renderer::is_outdated() const {
+  const std::uint32_t newest = last_tick_.load(std::memory_order_acquire);
+  const auto precedes = [&](std::uint32_t tick, std::uint32_t sequence) {
+    const auto later = static_cast<std::int32_t>(message_.tick - tick);
+    return static_cast<std::int32_t>(newest - tick) >= 0 &&
+           (later < 0 || (later == 0 && message_.sequence == sequence));
+  };
+  const Slot &active = slots_[1u - shadow_slot_], &shadow = slots_[shadow_slot_];
+  return (have_model_.load(std::memory_order_relaxed) && precedes(active.model_tick, active.sequence)) ||
+         (shadow_ != Shadow::empty && precedes(shadow.model_tick, shadow.sequence)) ||
+         (waiting_bytes_ != 0 && precedes(waiting_report_.model_tick, waiting_report_.sequence));
+}
+
 bool Renderer::shadow_is_busy() const {
   if (shadow_ == Shadow::empty || slots_[shadow_slot_].kind != ModelKind::modes) return false;
   return last_tick_.load(std::memory_order_acquire) - shadow_began_ <= kCatchUpHorizon_ticks;
@@ -332,6 +346,12 @@ Status Renderer::accept(std::span<const std::uint8_t> payload, ModelReport& repo
   if (decoded != Status::ok) {
     report = {message_.sequence, decoded, message_.tick, 0, 0.0f};
     return decoded;
+  }
+  if (is_outdated()) {
+    const bool forgotten = last_tick_.load(std::memory_order_acquire) - message_.tick >= kTipHistory - 1;
+    report = {message_.sequence, forgotten ? Status::model_too_old : Status::model_superseded, message_.tick,
+              0, 0.0f};
+    return report.status;
   }
   std::uint32_t basis = BasisStore::kNone;
   if (message_.basis_id != 0) {

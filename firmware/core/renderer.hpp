@@ -92,8 +92,9 @@ class Renderer {
 
   // Background context. Decodes a serialized palpate.ModelState.1.0 into the shadow slot and starts to catch
   // up. Where its basis is not complete, or the shadow is still catching up (kCatchUpHorizon_ticks), the
-  // state waits, and one that was waiting is superseded. Anything but Status::ok leaves the active model as
-  // it is and fills `report` for the host; after Status::ok the report comes later, from catch_up.
+  // state waits, and one that was waiting is superseded. A state that is older than the newest so far, or
+  // comes again, is superseded at once. Anything but Status::ok leaves the active model as it is and fills
+  // `report` for the host; after Status::ok the report comes later, from catch_up.
   Status accept(std::span<const std::uint8_t> payload, ModelReport& report);
 
   // Background context, once per servo tick: replays the shadow for about the policy's work. Returns true
@@ -162,6 +163,8 @@ class Renderer {
   Status load_contact(Slot& slot) const;
   [[nodiscard]] std::uint32_t bases_in_use() const;
   void take(const BasisStore::Events& events);
+  // Is message_ of an older tick than a model in use or under way, or the same one again?
+  [[nodiscard]] bool is_outdated() const;
   // Keeps message_, with its payload, for later.
   void wait(std::span<const std::uint8_t> payload);
   [[nodiscard]] bool shadow_is_busy() const;

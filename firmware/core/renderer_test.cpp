@@ -99,6 +99,84 @@ TEST(Renderer, AModelThatHasTheContactGoesOnFromIt) {
   EXPECT_LT(sample.force_N.z, 0.0f);
 }
 
+// Where sticking would hold it, a contact that slips at the model's tick slips: late, as in time.
+TEST(Renderer, AModelGoesOnSlippingOrStickingAsItsContactDid) {
+  std::vector<Vec3f> first_N;
+  for (const ContactMode mode : {ContactMode::stick, ContactMode::slip}) {
+    Runner runner;
+    runner.ticks(180);
+    auto message = square_model(3, runner.now - 1, tip_at(runner.now - 1) + Vec3f{0.0f, 0.0f, 0.0005f});
+    message.static_friction.elements[0] = 50.0f;
+    message.kinetic_friction.elements[0] = 0.0f;
+    message.contact.mode = static_cast<std::uint8_t>(mode);
+    message.contact.triangle = 9;
+    for (float& weight : message.contact.barycentric) weight = 1.0f / 3.0f;
+    Reference reference(message, tip_at(runner.now - 1));
+    for (int i = 0; i < 30; ++i) {
+      (void)reference.step(tip_at(runner.now));
+      (void)runner.tick();
+    }
+    ASSERT_EQ(runner.accept(message), Status::ok);
+    std::uint32_t rendered = 0;
+    for (int i = 0; i < 50; ++i) {
+      const ContactState<float>& expected = reference.step(tip_at(runner.now));
+      const ServoSample sample = runner.tick();
+      if ((sample.flags & kModelUsed) == 0) continue;
+      if (++rendered == 1) first_N.push_back(sample.force_N);
+      ASSERT_EQ(sample.force_N, expected.force_N);
+      ASSERT_EQ(sample.mode, expected.mode);
+    }
+    EXPECT_GT(rendered, 20u);
+  }
+  EXPECT_GT(norm(first_N[0] - first_N[1]), 1e-2f);
+}
+
+// A model that came late, or twice, after a newer one would lead back. Only a reset forgets the newer one.
+TEST(Renderer, AnOlderModelDoesNotReplaceANewerOne) {
+  Runner runner;
+  runner.ticks(250);
+  const std::uint32_t tick = runner.now - 1;
+  const auto is_refused = [&](const wire::ModelContents& message) {
+    const std::size_t reports = runner.reports.size();
+    EXPECT_EQ(runner.accept(message), Status::model_superseded);
+    ASSERT_EQ(runner.reports.size(), reports + 1);
+    EXPECT_EQ(runner.reports.back().sequence, message.sequence);
+    EXPECT_EQ(runner.reports.back().status, Status::model_superseded);
+  };
+  const auto newer = square_model(5, tick, kCentre_m), older = square_model(4, tick - 33, kCentre_m);
+  ASSERT_EQ(runner.accept(newer), Status::ok);
+  is_refused(older);  // while the newer one is decoded,
+  is_refused(newer);
+  runner.ticks(3);
+  is_refused(older);  // catches up,
+  is_refused(newer);
+  runner.ticks(20);
+  ASSERT_EQ(runner.renderer->model_sequence(), 5u);
+  is_refused(older);  // is in use,
+  is_refused(newer);
+  ASSERT_EQ(runner.accept(square_model(6, tick + 10, kCentre_m)), Status::ok);
+  auto waits = square_model(7, tick + 20, kCentre_m);
+  ASSERT_EQ(runner.accept(waits), Status::ok);
+  is_refused(square_model(8, tick + 15, kCentre_m));  // or waits
+  runner.ticks(30);
+  EXPECT_EQ(runner.renderer->model_sequence(), 7u);
+  EXPECT_EQ(runner.reports.back().status, Status::ok);
+
+  // Of the same tick, but another: as after a frame without news.
+  ASSERT_EQ(runner.accept(square_model(9, tick + 20, kCentre_m)), Status::ok);
+  runner.ticks(30);
+  EXPECT_EQ(runner.renderer->model_sequence(), 9u);
+
+  // One from the future is refused in its turn and holds up no other.
+  ASSERT_EQ(runner.accept(square_model(10, tick + 5000, kCentre_m)), Status::ok);
+  ASSERT_EQ(runner.accept(square_model(11, runner.now - 1, kCentre_m)), Status::ok);
+  runner.ticks(30);
+  EXPECT_EQ(runner.renderer->model_sequence(), 11u);
+
+  runner.renderer->isr_reset();
+  ASSERT_EQ(runner.accept(older), Status::ok);
+}
+
 // The coupling is stretched when one model takes over from another, 40 ticks late: it goes on as it was.
 TEST(Renderer, ASwapKeepsTheStretchOfTheCoupling) {
   Runner runner;

@@ -54,7 +54,9 @@ class Reference {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       contact_.barycentric[axis] = m.contact.barycentric[axis];
       contact_.stretch_m[axis] = m.contact.coupling_stretch_m[axis];
+      contact_.overhang_m[axis] = m.contact.overhang_m[axis];
     }
+    contact_.inset_m = m.contact.inset_m;
     contact_.height_m = m.contact.height_m;
   }
   const ContactState<float>& step(const Vec3f& tip_m) {
@@ -66,6 +68,7 @@ class Reference {
     return contact_;
   }
   [[nodiscard]] const ContactState<float>& contact() const { return contact_; }
+  void set_near_period(std::uint32_t steps) { surface_.set_near_period(steps); }
   // How much the force can change per change of the tip, in a step that sticks or has no friction: the
   // inverse of the point's compliance (Frobenius norm, not below the spectral one) and the target's
   // extrapolation.

@@ -214,7 +214,9 @@ class Host {
   }
   void take(const palpate_ModelReport_1_0& report) {
     for (UpdateRecord& update : result_.updates) {
-      if (update.sequence != report.sequence) continue;
+      // What was taken over stays so, even if it came twice and the second one was refused.
+      if (update.sequence != report.sequence || update.status == static_cast<std::uint8_t>(Status::ok))
+        continue;
       update.status = report.status;
       update.swap_tick = report.swap_tick;
       update.correction_energy_J = report.correction_energy_J;
