@@ -10,9 +10,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <memory>
 #include <numbers>
+#include <string>
 #include <vector>
 
+#include "host/linearize/hybrid_builder.hpp"
 #include "host/linearize/krylov_builder.hpp"
 #include "host/msd/lattice.hpp"
 
@@ -29,7 +32,18 @@ double processor_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-void measure(int nodes, const std::vector<double>& shift_rad_s) {
+constexpr double kMiddle_rad_s = 2.0 * std::numbers::pi * 20.0;
+constexpr int kNearNodes = 4;
+
+std::unique_ptr<ModelBuilder> builder_of(const std::string& kind, const Body& body) {
+  if (kind == "hybrid")
+    return std::make_unique<HybridBuilder>(body, PatchSize{}, kNearNodes, std::vector{kMiddle_rad_s},
+                                           kTick_s);
+  const auto shifts = kind == "krylov, 0 Hz" ? std::vector{0.0} : std::vector{0.0, kMiddle_rad_s};
+  return std::make_unique<KrylovBuilder>(body, PatchSize{}, TangentAt::rest, shifts, kTick_s);
+}
+
+void measure(int nodes, const std::string& kind) {
   LatticeSpec spec;
   spec.nodes = {nodes, nodes, nodes};
   spec.damping_N_s_m = damping_from_ratio(1.0, spec.mass_kg, spec.stiffness_N_m);
@@ -41,23 +55,24 @@ void measure(int nodes, const std::vector<double>& shift_rad_s) {
                                  rest.position_m.col(body.lattice()->node(i, nodes / 2, nodes - 1)));
   };
   const SurfacePoint here = top(nodes / 2), beside = top(nodes / 2 + 1);
-  KrylovBuilder builder(body, PatchSize{}, TangentAt::rest, shift_rad_s, kTick_s);
+  const auto builder = builder_of(kind, body);
   const double start_s = processor_s();
-  (void)builder.build(rest, here, {});
+  (void)builder->build(rest, here, {});
   const double first_s = processor_s() - start_s;
-  const LocalModel model = builder.build(rest, beside, {});
+  const LocalModel model = builder->build(rest, beside, {});
   const double patch_s = processor_s() - start_s - first_s;
   std::vector<double> update_s;
   for (int round = 0; round < kRounds; ++round) {
     const double before_s = processor_s();
-    (void)builder.build(rest, beside, {});
+    (void)builder->build(rest, beside, {});
     update_s.push_back(processor_s() - before_s);
   }
   std::nth_element(update_s.begin(), update_s.begin() + kRounds / 2, update_s.end());
   std::printf(
-      "{\"nodes_per_side\": %d, \"degrees_of_freedom\": %d, \"modes\": %d, \"factor_s\": %.3g, \"patch_s\": "
+      "{\"builder\": \"%s\", \"nodes_per_side\": %d, \"degrees_of_freedom\": %d, \"modes\": %d, "
+      "\"factor_s\": %.3g, \"patch_s\": "
       "%.3g, \"update_s\": %.3g, \"basis_bytes\": %zu",
-      nodes, body.dof_count(), static_cast<int>(model.modes()), first_s - patch_s, patch_s,
+      kind.c_str(), nodes, body.dof_count(), static_cast<int>(model.modes()), first_s - patch_s, patch_s,
       update_s[kRounds / 2],
       sizeof(float) * static_cast<std::size_t>(model.modes()) * static_cast<std::size_t>(body.dof_count()));
   std::fflush(stdout);
@@ -72,13 +87,13 @@ int main(int count, char** arguments) {
   std::printf("[");
   bool first = true;
   for (const int nodes : sizes) {
-    for (const bool two : {false, true}) {
+    for (const char* kind : {"krylov, 0 Hz", "hybrid", "krylov, 0 and 20 Hz"}) {
       std::printf("%s\n ", first ? "" : ",");
       first = false;
       std::fflush(stdout);
       const pid_t child = fork();
       if (child == 0) {
-        measure(nodes, two ? std::vector{0.0, 2.0 * std::numbers::pi * 20.0} : std::vector{0.0});
+        measure(nodes, kind);
         _exit(0);
       }
       int status = 0;

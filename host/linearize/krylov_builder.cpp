@@ -175,7 +175,10 @@ LocalModel KrylovBuilder::build(const BodyState& state, const SurfacePoint& cont
   model.load = modal.col(0) + model.damping_rad_s.cwiseProduct(model.p);
   set_surface(model, state, std::move(surface), std::move(model.dof_node), std::move(model.dof_axis),
               std::move(model.dof_basis));
-  if (at_ == TangentAt::rest) set_rest(model, body_);
+  if (at_ == TangentAt::rest) {
+    set_rest(model, body_);
+    model.chosen_around = patch->chosen_around;
+  }
   return model;
 }
 

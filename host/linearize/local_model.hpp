@@ -3,10 +3,12 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "host/linearize/modal_coefficients.hpp"
 #include "host/msd/spring.hpp"
+#include "host/msd/surface_point.hpp"
 
 namespace palpate::host {
 
@@ -25,8 +27,9 @@ struct LocalModel {
   std::vector<int> triangle;                           // the body's number of each triangle
   std::vector<std::array<int, 3>> corner;              // of each triangle; columns of position_m
   // Where basis and coefficients are constants of body and patch: rest positions, 3 x nodes, minus origin_m,
-  // both the same from state to state. Otherwise empty.
+  // both the same from state to state, and the point that the patch was chosen around. Otherwise empty.
   Eigen::Matrix3Xd rest_m;
+  std::optional<SurfacePoint> chosen_around;
   // Modes.
   std::vector<ModalCoefficients> coefficient;
   Eigen::VectorXd lambda_rad2_s2;

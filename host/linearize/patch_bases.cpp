@@ -7,6 +7,7 @@ namespace palpate::host {
 
 PatchBasis PatchBases::wanted(const SurfacePoint& contact) const {
   PatchBasis patch;
+  patch.chosen_around = contact;
   patch.nodes = select_patch(body_, contact, size_);
   patch.surface = subset_surface(body_, patch.nodes, contact, port_limit_);
   patch.ports = patch.surface.node;

@@ -16,6 +16,7 @@
 namespace palpate::host {
 
 struct PatchBasis {
+  SurfacePoint chosen_around;
   std::vector<int> nodes;  // of the patch
   SubsetSurface surface;   // whose nodes are the ports
   Ports ports;             // in the basis's order

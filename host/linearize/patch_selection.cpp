@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -58,6 +59,20 @@ std::vector<int> cell_face(const Body& body, int triangle) {
     for (int j = low[1]; j <= high[1]; ++j)
       for (int i = low[0]; i <= high[0]; ++i) nodes.push_back(lattice.node(i, j, k));
   return nodes;
+}
+
+std::vector<int> neighbour_cells(const Body& body, int triangle) {
+  const std::vector<int> own = cell_face(body, triangle);
+  std::set<std::vector<int>> seen{own};
+  std::vector<int> neighbours;
+  for (int t = 0; t < std::ssize(body.triangles()); ++t) {
+    const Triangle& corners = body.triangles()[at(t)];
+    const bool touches = std::any_of(corners.begin(), corners.end(), [&](int node) {
+      return std::find(own.begin(), own.end(), node) != own.end();
+    });
+    if (touches && seen.insert(cell_face(body, t)).second) neighbours.push_back(t);
+  }
+  return neighbours;
 }
 
 std::vector<int> select_patch(const Body& body, const SurfacePoint& contact, const PatchSize& size) {

@@ -26,6 +26,10 @@ Face face_of_triangle(const Body& body, int triangle);
 // face_of_triangle.
 std::vector<int> cell_face(const Body& body, int triangle);
 
+// A triangle of each other cell's face that shares a node with that of a surface triangle, ascending. Throws
+// as face_of_triangle.
+std::vector<int> neighbour_cells(const Body& body, int triangle);
+
 // Nodes of the box of lattice nodes that is centred on the contact point (in the undeformed lattice), starts
 // at the face the triangle belongs to, and is shifted as little as needed to lie within the lattice.
 // Ascending. Fixed nodes belong to it. Throws std::invalid_argument for a patch that is larger than the

@@ -145,5 +145,26 @@ TEST(PatchSelection, ACellFaceIsThatOfBothItsTriangles) {
   for (const auto& [nodes, triangles] : faces) EXPECT_EQ(triangles, 2);
 }
 
+TEST(PatchSelection, NeighbourCellsAreAllThatShareANode) {
+  const Body body = make_lattice(test::reference_spec(5));
+  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
+    const std::vector<int> own = cell_face(body, static_cast<int>(t));
+    const std::vector<int> neighbours = neighbour_cells(body, static_cast<int>(t));
+    std::set<std::vector<int>> found;
+    for (const int neighbour : neighbours) found.insert(cell_face(body, neighbour));
+    EXPECT_EQ(found.size(), neighbours.size());  // each once
+    std::set<std::vector<int>> expected;
+    for (std::size_t other = 0; other < body.triangles().size(); ++other) {
+      const std::vector<int> nodes = cell_face(body, static_cast<int>(other));
+      if (nodes != own &&
+          std::find_first_of(nodes.begin(), nodes.end(), own.begin(), own.end()) != nodes.end())
+        expected.insert(nodes);
+    }
+    EXPECT_EQ(found, expected);
+    // Around a corner of the cube three cells meet in place of four.
+    EXPECT_TRUE(found.size() == 8 || found.size() == 7) << found.size();
+  }
+}
+
 }  // namespace
 }  // namespace palpate::host

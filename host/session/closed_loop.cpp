@@ -61,8 +61,11 @@ class Host {
     if (model_is_due_ && backlog_bytes <= bytes_behind_model_ &&
         computing_.size() < config_.models_under_way) {
       model_is_due_ = false;
-      if (auto update = session_.update())
+      if (auto update = session_.update()) {
+        // Which patch it will be is known before the model is.
+        begin_basis(*update);
         computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
+      }
       // What is missing still after the next update is interpolated.
       for (const TickRange& gap : session_.missing())
         frames.push_back(endpoint_.encode(traces_.request(gap)));
@@ -113,7 +116,7 @@ class Host {
     // A frame that is refused for its CRC leaves a gap in the transfer identifiers too: the gaps count both.
     result_.counters.frames_lost_up = counters.frames_lost + counters.payloads_malformed;
     result_.counters.frames_lost_down = board_lost_;
-    result_.counters.basis_waits = session_.builder().basis_waits();
+    result_.counters.basis_waits = session_.basis_waits();
     result_.bases = session_.builder().bases();
     if (config_.probe_node) result_.probe = replay(recorded, *config_.probe_node);
     result_.ticks = std::move(recorded);
@@ -145,6 +148,18 @@ class Host {
     return true;
   }
 
+  // Brings the basis of the model to the board, or, where that is there, the one that will be wanted next;
+  // one that is under way comes first.
+  void begin_basis(const ModelUpdate& update) {
+    const std::uint32_t id = update.packed.state.basis_id;
+    if (id == 0 || !update.basis_stays || bases_.busy()) return;
+    if (!bases_.is_held(id)) {
+      bases_.begin(id, update.packed.basis);
+    } else if (update.wanted_basis && !bases_.is_held(update.wanted_basis_id)) {
+      bases_.begin(update.wanted_basis_id, update.wanted_basis);
+    }
+  }
+
   // The state, and its basis where it has to come with it or is not on the board.
   void send(ModelUpdate update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
     const std::uint32_t id = update.packed.state.basis_id;
@@ -153,15 +168,8 @@ class Host {
       while (send_piece(kMostBlocks, tick, frames)) {
       }
     } else if (id != 0) {
-      const bool held = bases_.is_held(id);
-      if (!bases_.busy()) {
-        if (!held) {
-          bases_.begin(id, update.packed.basis);
-        } else if (update.wanted_basis) {
-          bases_.begin(update.wanted_basis_id, update.wanted_basis);
-        }
-      }
-      if (!held) {
+      begin_basis(update);
+      if (!bases_.is_held(id)) {
         // It waits here, not on the board, for the basis to come; a newer one takes its place.
         if (held_back_) update.interpolated_ticks += held_back_->interpolated_ticks;
         held_back_ = std::move(update);
@@ -220,6 +228,8 @@ class Host {
       update.status = report.status;
       update.swap_tick = report.swap_tick;
       update.correction_energy_J = report.correction_energy_J;
+      if (report.status == static_cast<std::uint8_t>(Status::ok))
+        session_.note_taken(update.tick, report.swap_tick);
     }
     if (report.status == static_cast<std::uint8_t>(Status::ok)) {
       ++result_.counters.models_taken;

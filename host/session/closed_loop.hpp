@@ -93,7 +93,7 @@ struct UpdateRecord {
 struct LoopCounters {
   std::uint64_t frames_lost_down = 0, frames_lost_up = 0;
   std::uint32_t models_sent = 0, models_taken = 0, models_refused = 0;
-  std::uint64_t basis_waits = 0;  // ModelBuilder::basis_waits
+  std::uint64_t basis_waits = 0;  // Session::basis_waits
 };
 
 struct ClosedLoopResult {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "host/linearize/growth_limit.hpp"
@@ -19,6 +20,15 @@ namespace {
 // begun after that is done, and between the two.
 constexpr std::array kForeseen{1.0, 1.5, 2.0};
 
+constexpr std::size_t kAroundAtOnce = 2;
+
+// How much the lateness of the newest model counts: a single one that had to wait moves no patch by much.
+constexpr double kNewestsShare = 0.25;
+
+double period_ticks(const SessionConfig& config) {
+  return 1.0 / (config.update_Hz * kTick_s);
+}
+
 }  // namespace
 
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
@@ -26,7 +36,9 @@ Session::Session(const Body& body, BodyState start, const SessionConfig& config)
       config_(config),
       surface_(body, std::move(start), config.step_s, config.surface, config.drives, config.friction),
       feedback_(make_feedback(config.feedback, config.law)),
-      builder_(make_builder(body, config.model, kTick_s)) {
+      builder_(make_builder(body, config.model, kTick_s)),
+      forecast_(body),
+      late_ticks_(period_ticks(config)) {
   (void)steps_per_tick(config.step_s);
 }
 
@@ -74,38 +86,37 @@ std::optional<SurfacePoint> Session::focus() const {
   const Eigen::Vector3d tip = to_eigen(path_.at(tick_));
   const SurfacePoint nearest = nearest_surface_point(body_, surface_.state().position_m, tip);
   const double distance = (surface_position_m(body_, surface_.state().position_m, nearest) - tip).norm();
-  if (distance - config_.law.tip_radius_m > config_.near_m) return std::nullopt;
+  if (distance > reach_m()) return std::nullopt;
   return nearest;
 }
 
-// Where the tip will be by the speed that it had since the update before, but never beneath the surface that
-// it is over or touches: it stays there, or goes along. The place where it is now comes last: a tip that
-// moves on is no longer there when that is ready.
+double Session::lead_ticks() const {
+  return config_.patch_ahead ? late_ticks_ + 0.5 * period_ticks(config_) : 0.0;
+}
+
+void Session::note_taken(std::uint32_t model_tick, std::uint32_t swap_tick) {
+  late_ticks_ += kNewestsShare * (static_cast<double>(swap_tick - model_tick) - late_ticks_);
+}
+
+// The place where it is now comes after those ahead: a tip that moves on is no longer there when that is
+// ready. Last come the ways that it may take next, some of the cells around it at each update.
 void Session::foresee(const std::optional<SurfacePoint>& focus) {
   const Eigen::Vector3d tip_m = to_eigen(path_.at(tick_));
-  const Eigen::Vector3d moved_m = tip_m - tip_m_;
-  const std::uint32_t elapsed = tick_ - tip_tick_;
-  tip_m_ = tip_m;
-  const bool first = std::exchange(tip_tick_, tick_) == 0;
+  const Eigen::Matrix3Xd& position_m = surface_.state().position_m;
+  forecast_.note(tick_, tip_m, position_m, focus ? *focus : nearest_surface_point(body_, position_m, tip_m));
   const std::uint32_t ahead = builder_->foresight_ticks();
   if (ahead == 0) return;
-  const Eigen::Matrix3Xd& position_m = surface_.state().position_m;
-  const SurfacePoint below = focus ? *focus : nearest_surface_point(body_, position_m, tip_m);
-  const Eigen::Vector3d below_m = surface_position_m(body_, position_m, below);
-  const Triangle& corner = body_.triangles()[static_cast<std::size_t>(below.triangle)];
-  const Eigen::Vector3d normal = (position_m.col(corner[1]) - position_m.col(corner[0]))
-                                     .cross(position_m.col(corner[2]) - position_m.col(corner[0]))
-                                     .normalized();
   std::vector<SurfacePoint> contacts;
-  for (const double part : kForeseen) {
-    if (first) break;
-    Eigen::Vector3d then_m = tip_m + part * ahead / elapsed * moved_m;
-    then_m -= std::min(0.0, (then_m - below_m).dot(normal)) * normal;
-    const SurfacePoint nearest = nearest_surface_point(body_, position_m, then_m);
-    const double distance = (surface_position_m(body_, position_m, nearest) - then_m).norm();
-    if (distance - config_.law.tip_radius_m <= config_.near_m) contacts.push_back(nearest);
+  if (forecast_.moves())
+    for (const double part : kForeseen)
+      if (const auto place = forecast_.place(lead_ticks() + part * ahead, reach_m()))
+        contacts.push_back(*place);
+  if (focus) {
+    contacts.push_back(*focus);
+    const std::vector<int> around = neighbour_cells(body_, focus->triangle);
+    for (std::size_t i = 0; i < kAroundAtOnce; ++i)
+      contacts.push_back({around[around_++ % around.size()], Eigen::Vector3d::Constant(1.0 / 3.0)});
   }
-  if (focus) contacts.push_back(*focus);
   builder_->foresee(tick_, contacts);
 }
 
@@ -151,33 +162,60 @@ bool Session::is_held(std::uint32_t basis_id) const {
   return held_bases_ && std::find(held_bases_->begin(), held_bases_->end(), basis_id) != held_bases_->end();
 }
 
-std::optional<ModelUpdate> Session::send_model(const SurfacePoint& focus) {
-  Model made = make_model(focus);
+bool Session::has_contact(const Model& made) const {
+  const std::vector<int>& triangles = made.model.triangle;
+  return contact_.mode == ContactMode::free ||
+         std::find(triangles.begin(), triangles.end(), static_cast<int>(contact_.triangle)) !=
+             triangles.end();
+}
+
+Session::Model Session::make_model_ahead(const SurfacePoint& contact) {
+  const std::size_t waits = builder_->basis_waits();
+  Model made;
+  for (const double part : {1.0, 0.5, 0.0}) {
+    const auto place = part == 0.0 ? contact : forecast_.place(part * lead_ticks(), reach_m());
+    if (!place) continue;
+    made = make_model(*place);
+    if (made.model.modes() != 0 && has_contact(made)) break;
+  }
+  if (builder_->basis_waits() != waits) ++basis_waits_;
+  return made;
+}
+
+Session::WantedBasis Session::next_basis(const Model& made) {
+  if (!config_.patch_ahead || !forecast_.moves()) return {};
+  // It is to be on the board at the update after the next.
+  const auto place = forecast_.place(lead_ticks() + 2.0 * period_ticks(config_), reach_m());
+  if (!place) return {};
+  const PatchSize& size = config_.model.patch;
+  if (select_patch(body_, *place, size) == select_patch(body_, *made.model.chosen_around, size)) return {};
+  const Model next = make_model(*place);
+  if (next.model.modes() == 0 || next.packed.state.basis_id == made.packed.state.basis_id) return {};
+  if (is_held(next.packed.state.basis_id)) return {};
+  return {next.packed.basis, next.packed.state.basis_id};
+}
+
+std::optional<ModelUpdate> Session::send_model(const SurfacePoint& contact) {
+  Model made = make_model_ahead(contact);
   if (made.model.modes() == 0)
     return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
   const bool stays = made.contents.rest_m.count != 0;
-  std::shared_ptr<const std::vector<std::uint8_t>> wanted;
-  std::uint32_t wanted_id = 0;
+  WantedBasis wanted;
   if (stays && is_held(made.packed.state.basis_id)) {
-    focus_of_held_ = focus;
-  } else if (stays && focus_of_held_) {
-    Model before = make_model(*focus_of_held_);
-    const std::vector<int>& triangles = before.model.triangle;
-    const bool has_contact =
-        contact_.mode == ContactMode::free ||
-        std::find(triangles.begin(), triangles.end(), static_cast<int>(contact_.triangle)) != triangles.end();
-    if (has_contact && is_held(before.packed.state.basis_id)) {
-      wanted = made.packed.basis;
-      wanted_id = made.packed.state.basis_id;
+    around_held_ = made.model.chosen_around;
+    wanted = next_basis(made);
+  } else if (stays && around_held_) {
+    Model before = make_model(*around_held_);
+    if (before.model.modes() != 0 && has_contact(before) && is_held(before.packed.state.basis_id)) {
+      wanted = {made.packed.basis, made.packed.state.basis_id};
       made = std::move(before);
     }
   }
   ModelUpdate update = begin_update();
+  std::tie(update.wanted_basis, update.wanted_basis_id) = std::move(wanted);
   update.message = wire::unpack(made.packed, made.contents);
   update.packed = std::move(made.packed);
   update.basis_stays = stays;
-  update.wanted_basis = std::move(wanted);
-  update.wanted_basis_id = wanted_id;
   update.patch_nodes = made.model.node;
   update.damping_coupling = made.model.damping_coupling;
   update.limited_modes = made.model.limited_modes;

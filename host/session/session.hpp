@@ -7,6 +7,7 @@
 // (feedback.hpp).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "host/linearize/model_builder.hpp"
 #include "host/session/body_surface.hpp"
 #include "host/session/feedback.hpp"
+#include "host/session/tip_forecast.hpp"
 #include "host/session/tip_history.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/packed_model.hpp"
@@ -36,6 +38,9 @@ struct SessionConfig {
   // No model is built while the tip is further from the surface than this. 2 cm: a hand at 0.25 m/s
   // needs 80 ms for it, a frame of 33 ms and the 45 ms that a model takes at most in the demo to be in use.
   double near_m = 0.02;
+  // The patch lies around the place where the tip is expected in the middle of the time in which the model
+  // will be in use. Otherwise around the contact at the model's tick, as in the paper.
+  bool patch_ahead = true;
 };
 
 // One local model and what led to it.
@@ -71,6 +76,8 @@ class Session {
   // Which bases the board holds. From then on, while the basis that a state should have is not there, states
   // go on with that of the patch before, as long as the contact is on it.
   void note_held_bases(std::vector<std::uint32_t> ids) { held_bases_ = std::move(ids); }
+  // The board took over a model of this tick in swap_tick: what the patches ahead are planned by.
+  void note_taken(std::uint32_t model_tick, std::uint32_t swap_tick);
   // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
   // or the tip is far away. Throws what the builders and the feedback throw.
   std::optional<ModelUpdate> update();
@@ -87,10 +94,16 @@ class Session {
   };
   [[nodiscard]] const std::vector<Interpolated>& interpolated() const { return interpolated_; }
   [[nodiscard]] const ModelBuilder& builder() const { return *builder_; }
+  // Updates at which the basis of the patch that a model should have was not there yet: it is on the patch
+  // before, or one less far ahead, or was not had.
+  [[nodiscard]] std::size_t basis_waits() const { return basis_waits_; }
 
  private:
   [[nodiscard]] std::optional<SurfacePoint> focus() const;
+  [[nodiscard]] double reach_m() const { return config_.near_m + config_.law.tip_radius_m; }
   void foresee(const std::optional<SurfacePoint>& focus);
+  // From a model's tick to the middle of the time in which it will be in use; 0 where patches are not ahead.
+  [[nodiscard]] double lead_ticks() const;
   void interpolate_old_gaps();
   void advance_body();
   [[nodiscard]] ModelUpdate begin_update();
@@ -102,6 +115,12 @@ class Session {
     wire::PackedModel packed;
   };
   Model make_model(const SurfacePoint& focus);
+  // Around the place ahead, if the contact is on its patch, otherwise less far ahead.
+  Model make_model_ahead(const SurfacePoint& contact);
+  [[nodiscard]] bool has_contact(const Model& made) const;
+  // The basis of the patch after this one, if it is another, there, and not on the board.
+  using WantedBasis = std::pair<std::shared_ptr<const std::vector<std::uint8_t>>, std::uint32_t>;
+  WantedBasis next_basis(const Model& made);
   [[nodiscard]] bool is_held(std::uint32_t basis_id) const;
 
   const Body& body_;
@@ -114,12 +133,13 @@ class Session {
   bool started_ = false;
   std::uint32_t tick_ = 0;
   std::uint32_t sequence_ = 0;
-  // Of the update before.
-  std::uint32_t tip_tick_ = 0;
-  Eigen::Vector3d tip_m_ = Eigen::Vector3d::Zero();
+  TipForecast forecast_;
+  std::size_t basis_waits_ = 0;
+  std::size_t around_ = 0;  // counts the cells around the contact that were foreseen
+  double late_ticks_;       // from a model's tick to that in which the board takes it over, smoothed
   std::optional<std::uint32_t> requested_until_;  // gaps that end here were asked for at the last update
   std::optional<std::vector<std::uint32_t>> held_bases_;
-  std::optional<SurfacePoint> focus_of_held_;  // of the newest model whose basis was on the board
+  std::optional<SurfacePoint> around_held_;  // of the newest model whose basis was on the board
   std::vector<Interpolated> interpolated_;
   std::uint32_t interpolated_in_model_ = 0;
 };

@@ -217,12 +217,46 @@ TEST_F(SessionTest, WantsBasesBeforeTheTipIsThere) {
   const auto updates = run(foreseen);
   EXPECT_GT(updates.size(), 40u);
   // Only at the beginning, when nothing could be known before.
-  EXPECT_LE(foreseen.builder().basis_waits(), 4u);
+  EXPECT_LE(foreseen.basis_waits(), 4u);
   // Too slow for the tip, it goes on with the patch before, as far as that goes.
   config_.model.bases.latency_ticks = 300;
   Session slow(body, body.rest_state(), config_);
   EXPECT_GT(run(slow).size(), 30u);
-  EXPECT_GT(slow.builder().basis_waits(), 9u);
+  EXPECT_GT(slow.basis_waits(), 9u);
+}
+
+TEST_F(SessionTest, PutsThePatchAhead) {
+  // 3 cm/s along the top of a block; the board takes a model over 60 ticks after its own.
+  const Body body = block(10);
+  path_ = Path{{0.0145, 0.0465, 5e-4}};
+  path_.to({0.0145, 0.0465, -1e-3}, 300).to({0.0745, 0.0465, -1e-3}, 2000);
+  const auto patches = [&](bool ahead, std::uint32_t late) {
+    config_.patch_ahead = ahead;
+    Session session(body, body.rest_state(), config_);
+    if (late != 0)
+      for (int i = 0; i < 40; ++i) session.note_taken(1, 1 + late);
+    return run(session);
+  };
+  // When the patch first reaches x = 6 cm: its nodes at rest.
+  const auto first = [&](const std::vector<ModelUpdate>& updates) {
+    for (const ModelUpdate& update : updates)
+      for (const int node : update.patch_nodes)
+        if (body.rest_position_m()(0, node) > 0.059) return update.message.tick;
+    return 0u;
+  };
+  const auto here = patches(false, 60), ahead = patches(true, 60), far_ahead = patches(true, 300);
+  ASSERT_EQ(here.size(), ahead.size());
+  // 60 ticks and half a period of 33 are 77 ticks; updates come every 33.
+  EXPECT_GT(first(here), first(ahead) + 50);
+  EXPECT_LT(first(here), first(ahead) + 110);
+  EXPECT_LT(first(far_ahead), first(ahead));
+  // The contact is on every patch, however far ahead it should be.
+  for (const ModelUpdate& update : far_ahead) {
+    const auto* const end = update.message.triangle_id.elements + update.message.triangles;
+    if (update.message.contact.mode != 0) {
+      EXPECT_NE(std::find(update.message.triangle_id.elements, end, update.message.contact.triangle), end);
+    }
+  }
 }
 
 }  // namespace

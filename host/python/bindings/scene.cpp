@@ -230,6 +230,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.session.step_s = kTick_s / whole(table(scene, "integrator"), "steps_per_tick");
   config.session.update_Hz = number(rates, "model_update_Hz");
   config.session.model = read_model(model);
+  config.session.patch_ahead = nb::cast<bool>(model["patch_ahead"]);
   host::BasisPolicy& bases = config.session.model.bases;
   bases.timing = host::BasisTiming::virtual_time;
   bases.latency_ticks = whole(model, "basis_latency_ticks");

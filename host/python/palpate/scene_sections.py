@@ -241,6 +241,13 @@ class Model:
         "nodes of the patch [x, y, z] or fewer at a border; 64 at most",
         default=(4, 4, 2),
     )
+    patch_ahead: bool = key(
+        Flag(),
+        "the patch lies around the place where the tip, by its speed since the update before, will be in the middle of the "
+        "time in which the model is used (by when the board took over those before), as long as the contact is on it; "
+        "otherwise around the contact at the model's own tick, as in the paper",
+        default=True,
+    )
     tangent: str = key(
         Choice(("frame", "rest")),
         "`krylov`: where the body's stiffness and damping are taken; `rest`: once, `frame`: at each update's state",
