@@ -65,7 +65,8 @@ class App {
   std::atomic<std::uint32_t> ticks_handled_{0};  // written by the background
   // Clock counts spent in the interrupt so far: the background subtracts what interrupted it.
   std::atomic<std::uint32_t> interrupt_total_count_{0};  // written by the interrupt
-  std::atomic<std::uint32_t> background_count_{0};  // length of the last background run, without interrupts
+  // Length of the background runs that ended since the last tick began, without interrupts.
+  std::atomic<std::uint32_t> background_count_{0};
 };
 
 template <BoardPort Board>
@@ -76,7 +77,7 @@ void App<Board>::isr_tick() {
   if (!deadlines_.isr_begin(begin_count)) return;
   const std::uint32_t tick = deadlines_.tick();
   if (ticks_handled_.load(std::memory_order_acquire) != ticks_run) ++background_overruns_;
-  previous_busy_count_ = deadlines_.tick_count() + background_count_.load(std::memory_order_relaxed);
+  previous_busy_count_ = deadlines_.tick_count() + background_count_.exchange(0, std::memory_order_relaxed);
 
   board_.isr_begin_tick(tick);
   const ServoOutput output = servo_.isr_tick({.tick = tick,
@@ -109,7 +110,8 @@ void App<Board>::background() {
 
   const std::uint32_t interrupted_count =
       interrupt_total_count_.load(std::memory_order_relaxed) - interrupt_begin_count;
-  background_count_.store(board_.clock_count() - begin_count - interrupted_count, std::memory_order_relaxed);
+  background_count_.fetch_add(board_.clock_count() - begin_count - interrupted_count,
+                              std::memory_order_relaxed);
   ticks_handled_.store(ticks, std::memory_order_release);
 }
 

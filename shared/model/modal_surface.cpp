@@ -41,7 +41,7 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   step_ = 0;
   normal_step_ = {};
   triangle_count_of_ = {};
-  quantized_ = false;
+  q_is_quantized_ = false;
   near_load_ = near_rise_ = {};
   near_period_ = near_acting_ = kNearPeriod_steps;
   near_age_ = 0;
@@ -49,8 +49,10 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   near_waiting_ = false;
   near_work_ = 0;
   near_.bind();
-  if (model.springs != 0)
-    for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(model, n, start_velocity_m_s(n));
+  if (model.springs != 0) {
+    quantize(state.p.data());
+    for (std::uint32_t n = 0; n < model.nodes; ++n) near_.start_with(model, n, of_quantized(n));
+  }
 
   for (std::uint32_t t = 0; t < model.triangles; ++t) {
     for (const std::uint32_t node : corners(t)) {
@@ -115,11 +117,10 @@ Nearness ModalSurface::nearness(const Vec3f& from, const Vec3f& to, float tip_ra
 // Quantizes basis_scale * q with one step for all modes. The largest entry is 32767, so a node is off by
 // about 3e-5 of the displacement since the model was made (1 mm: 30 nm); the contact's gap itself is computed
 // in float.
-void ModalSurface::quantize_state() {
+void ModalSurface::quantize(const float* __restrict q) {
   const std::size_t modes = model_.modes;
   const float* __restrict scale = model_.basis_scale;
-  const float* __restrict q = state_->q.data();
-  std::int16_t* __restrict out = quantized_q_.data();
+  std::int16_t* __restrict out = quantized_.data();
   float largest = 0.0f;
   for (std::size_t m = 0; m < modes; ++m) {
     const float magnitude = std::fabs(scale[m] * q[m]);
@@ -131,8 +132,6 @@ void ModalSurface::quantize_state() {
   if (!(quantum_ > kSmallestStep && quantum_ < kLargestStep)) {  // at rest, or no numbers any more
     quantum_ = 0.0f;
     for (std::size_t m = 0; m < modes; ++m) out[m] = 0;
-    quantized_ = true;
-    work_ += of_.pass;
     return;
   }
   const float inverse = 1.0f / quantum_;
@@ -140,8 +139,18 @@ void ModalSurface::quantize_state() {
     const float steps = scale[m] * q[m] * inverse;
     out[m] = static_cast<std::int16_t>(static_cast<std::int32_t>(steps < 0.0f ? steps - 0.5f : steps + 0.5f));
   }
-  quantized_ = true;
-  work_ += of_.pass;
+}
+
+// What the quantized modes are at a node.
+Vec3f ModalSurface::of_quantized(std::uint32_t node) const {
+  // A sum of 192 products of 30 bits has 38 bits: without the lowest 8 it fits in 32.
+  constexpr int kShift = 8;
+  const float unit = quantum_ * static_cast<float>(1 << kShift);
+  const auto sum = dot16_rows(model_.basis + 3 * node * model_.modes, quantized_.data(), model_.modes);
+  Vec3f x;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    x[axis] = static_cast<float>(static_cast<std::int32_t>(sum[axis] >> kShift)) * unit;
+  return x;
 }
 
 // Bound on how far any node moves in the step to come: each mode at its present velocity and, for a free mode
@@ -161,15 +170,13 @@ float ModalSurface::largest_travel_m() const {
 
 Vec3f ModalSurface::position(std::uint32_t node) {
   if ((now_valid_ >> node & 1u) != 0u) return now_[node];
-  if (!quantized_) quantize_state();
-  // A sum of 192 products of 30 bits has 38 bits: without the lowest 8 it fits in 32.
-  constexpr int kShift = 8;
-  const float unit = quantum_ * static_cast<float>(1 << kShift);
+  if (!q_is_quantized_) {
+    quantize(state_->q.data());
+    q_is_quantized_ = true;
+    work_ += of_.pass;
+  }
   const float* rest = model_.position_m + 3 * node;
-  const auto sum = dot16_rows(model_.basis + 3 * node * model_.modes, quantized_q_.data(), model_.modes);
-  Vec3f x;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    x[axis] = rest[axis] + static_cast<float>(static_cast<std::int32_t>(sum[axis] >> kShift)) * unit;
+  const Vec3f x = Vec3f{rest[0], rest[1], rest[2]} + of_quantized(node);
   now_[node] = x;
   now_valid_ |= 1u << node;
   work_ += of_.node;
@@ -225,19 +232,7 @@ Vec3f ModalSurface::normal_before(std::uint32_t triangle, const Vec3f& barycentr
 
 void ModalSurface::moved() {
   now_valid_ = 0;
-  quantized_ = false;
-}
-
-Vec3f ModalSurface::start_velocity_m_s(std::uint32_t node) const {
-  Vec3f v;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::int16_t* row = model_.basis + (3 * node + axis) * model_.modes;
-    float sum = 0.0f;
-    for (std::size_t m = 0; m < model_.modes; ++m)
-      sum += static_cast<float>(row[m]) * (model_.basis_scale[m] * state_->p[m]);
-    v[axis] = sum;
-  }
-  return v;
+  q_is_quantized_ = false;
 }
 
 void ModalSurface::set_near_period(std::uint32_t steps) {

@@ -87,12 +87,12 @@ class ModalSurface {
   // In the step with this number (step_ counts them).
   [[nodiscard]] bool normal_is_fresh(std::uint32_t node, std::uint32_t step) const;
   Vec3f node_normal_before(std::uint32_t node);
-  void quantize_state();
+  void quantize(const float* q);
+  [[nodiscard]] Vec3f of_quantized(std::uint32_t node) const;
   [[nodiscard]] float largest_travel_m() const;
   [[nodiscard]] bool is_moved(std::uint32_t node) const;
   void load_point(std::uint32_t triangle, const Vec3f& barycentric);
   void moved();
-  [[nodiscard]] Vec3f start_velocity_m_s(std::uint32_t node) const;
   void pause_near_field();
   void step_near_field();
   void project_near_field();
@@ -108,9 +108,9 @@ class ModalSurface {
   bool near_due_ = true;                           // it has not been since bind() or a pause
   bool near_waiting_ = false;                      // forces wait to be projected
   std::uint32_t near_work_ = 0;
-  std::array<std::int16_t, kMaxModes> quantized_q_{};  // basis_scale * q, in steps of quantum_
+  std::array<std::int16_t, kMaxModes> quantized_{};  // basis_scale * q or * p, in steps of quantum_
   float quantum_ = 0;
-  bool quantized_ = false;  // for the state as it is now
+  bool q_is_quantized_ = false;  // as it is now
   // Of the contact point that was asked about last.
   static constexpr std::uint32_t kNoPoint = 0xffffffffu;
   std::uint32_t point_triangle_ = kNoPoint;

@@ -16,7 +16,7 @@ static_assert(ContactSurface<ModalSurface>);
 
 // float has 24 bits; sums of some tens of terms lose a few of them.
 constexpr double kFloatSum = 1e-5;
-// Positions: modes quantized to 16 bits (ModalSurface::quantize_state), relative to the displacement.
+// Positions: modes quantized to 16 bits (ModalSurface::quantize), relative to the displacement.
 constexpr double kQuantization = 1e-4;
 
 TEST(ModalSurface, FreeStepIsTheMatrixExponential) {
