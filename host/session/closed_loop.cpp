@@ -57,6 +57,7 @@ class Host {
     std::vector<link::OutgoingFrame> frames;
     if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
     if (const auto request = traces_.poll()) frames.push_back(endpoint_.encode(*request));
+    session_.prepare();
     if (session_.due(tick)) model_is_due_ = true;
     if (model_is_due_ && backlog_bytes <= bytes_behind_model_ &&
         computing_.size() < config_.models_under_way) {

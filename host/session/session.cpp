@@ -22,6 +22,9 @@ constexpr std::array kForeseen{1.0, 1.5, 2.0};
 
 constexpr std::size_t kAroundAtOnce = 2;
 
+// Where updates are rarer than 20 a second, what they need is prepared between them.
+constexpr std::uint32_t kPrepareAfter_ticks = 50;
+
 // How much the lateness of the newest model counts: a single one that had to wait moves no patch by much.
 constexpr double kNewestsShare = 0.25;
 
@@ -80,10 +83,10 @@ void Session::advance_body() {
   path_.forget_before(tick_);
 }
 
-std::optional<SurfacePoint> Session::focus() const {
+std::optional<SurfacePoint> Session::focus(std::uint32_t tick) const {
   if (contact_.mode != ContactMode::free)
     return SurfacePoint{static_cast<int>(contact_.triangle), to_eigen(contact_.barycentric)};
-  const Eigen::Vector3d tip = to_eigen(path_.at(tick_));
+  const Eigen::Vector3d tip = to_eigen(path_.at(tick));
   const SurfacePoint nearest = nearest_surface_point(body_, surface_.state().position_m, tip);
   const double distance = (surface_position_m(body_, surface_.state().position_m, nearest) - tip).norm();
   if (distance > reach_m()) return std::nullopt;
@@ -100,10 +103,11 @@ void Session::note_taken(std::uint32_t model_tick, std::uint32_t swap_tick) {
 
 // The place where it is now comes after those ahead: a tip that moves on is no longer there when that is
 // ready. Last come the ways that it may take next, some of the cells around it at each update.
-void Session::foresee(const std::optional<SurfacePoint>& focus) {
-  const Eigen::Vector3d tip_m = to_eigen(path_.at(tick_));
+void Session::foresee(std::uint32_t tick, const std::optional<SurfacePoint>& focus) {
+  foreseen_tick_ = tick;
+  const Eigen::Vector3d tip_m = to_eigen(path_.at(tick));
   const Eigen::Matrix3Xd& position_m = surface_.state().position_m;
-  forecast_.note(tick_, tip_m, position_m, focus ? *focus : nearest_surface_point(body_, position_m, tip_m));
+  forecast_.note(tick, tip_m, position_m, focus ? *focus : nearest_surface_point(body_, position_m, tip_m));
   const std::uint32_t ahead = builder_->foresight_ticks();
   if (ahead == 0) return;
   std::vector<SurfacePoint> contacts;
@@ -117,7 +121,13 @@ void Session::foresee(const std::optional<SurfacePoint>& focus) {
     for (std::size_t i = 0; i < kAroundAtOnce; ++i)
       contacts.push_back({around[around_++ % around.size()], Eigen::Vector3d::Constant(1.0 / 3.0)});
   }
-  builder_->foresee(tick_, contacts);
+  builder_->foresee(tick, contacts);
+}
+
+void Session::prepare() {
+  if (path_.empty() || builder_->foresight_ticks() == 0) return;
+  const std::uint32_t tick = path_.complete_tick();
+  if (tick >= foreseen_tick_ + kPrepareAfter_ticks) foresee(tick, focus(tick));
 }
 
 std::optional<ModelUpdate> Session::update() {
@@ -131,8 +141,8 @@ std::optional<ModelUpdate> Session::update() {
   advance_body();
   // Not with the first sample alone: whether the tip starts inside the body is known after a tick.
   if (tick_ == before) return std::nullopt;
-  const auto point = focus();
-  foresee(point);
+  const auto point = focus(tick_);
+  foresee(tick_, point);
   std::optional<ModelUpdate> sent;
   if (point) sent = feedback_->kind() == ModelKind::held_force ? send_force() : send_model(*point);
   if (!sent) feedback_->sent_none();

@@ -78,6 +78,8 @@ class Session {
   void note_held_bases(std::vector<std::uint32_t> ids) { held_bases_ = std::move(ids); }
   // The board took over a model of this tick in swap_tick: what the patches ahead are planned by.
   void note_taken(std::uint32_t model_tick, std::uint32_t swap_tick);
+  // Between updates, as often as one likes: has the builder prepare for where the tip is and will be.
+  void prepare();
   // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
   // or the tip is far away. Throws what the builders and the feedback throw.
   std::optional<ModelUpdate> update();
@@ -99,9 +101,9 @@ class Session {
   [[nodiscard]] std::size_t basis_waits() const { return basis_waits_; }
 
  private:
-  [[nodiscard]] std::optional<SurfacePoint> focus() const;
+  [[nodiscard]] std::optional<SurfacePoint> focus(std::uint32_t tick) const;
   [[nodiscard]] double reach_m() const { return config_.near_m + config_.law.tip_radius_m; }
-  void foresee(const std::optional<SurfacePoint>& focus);
+  void foresee(std::uint32_t tick, const std::optional<SurfacePoint>& focus);
   // From a model's tick to the middle of the time in which it will be in use; 0 where patches are not ahead.
   [[nodiscard]] double lead_ticks() const;
   void interpolate_old_gaps();
@@ -134,6 +136,7 @@ class Session {
   std::uint32_t tick_ = 0;
   std::uint32_t sequence_ = 0;
   TipForecast forecast_;
+  std::uint32_t foreseen_tick_ = 0;
   std::size_t basis_waits_ = 0;
   std::size_t around_ = 0;  // counts the cells around the contact that were foreseen
   double late_ticks_;       // from a model's tick to that in which the board takes it over, smoothed

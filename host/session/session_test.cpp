@@ -225,6 +225,25 @@ TEST_F(SessionTest, WantsBasesBeforeTheTipIsThere) {
   EXPECT_GT(slow.basis_waits(), 9u);
 }
 
+TEST_F(SessionTest, PreparesBetweenRareUpdates) {
+  config_.update_Hz = 2.0;
+  config_.model.builder = Builder::krylov;
+  config_.model.tangent = TangentAt::rest;
+  config_.model.shift_rad_s = {0.0};
+  config_.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
+  path_ = Path{{0.0145, 0.0165, 5e-4}};
+  path_.to({0.0145, 0.0165, -2e-3}, 540);
+  for (const bool prepares : {false, true}) {
+    Session session(body_, body_.rest_state(), config_);
+    for (std::uint32_t tick = 3; tick <= 500; tick += kSamplesPerTrace) {
+      session.take(trace(path_, tick - 3));
+      if (prepares) session.prepare();
+    }
+    EXPECT_EQ(session.update().has_value(), prepares);
+    EXPECT_EQ(session.basis_waits(), prepares ? 0u : 1u);
+  }
+}
+
 TEST_F(SessionTest, PutsThePatchAhead) {
   // 3 cm/s along the top of a block; the board takes a model over 60 ticks after its own.
   const Body body = block(10);
