@@ -183,6 +183,8 @@ Session::Model Session::make_model_ahead(const SurfacePoint& contact) {
   const std::size_t waits = builder_->basis_waits();
   Model made;
   for (const double part : {1.0, 0.5, 0.0}) {
+    // A tip that sticks takes its place along.
+    if (part != 0.0 && contact_.mode == ContactMode::stick) continue;
     const auto place = part == 0.0 ? contact : forecast_.place(part * lead_ticks(), reach_m());
     if (!place) continue;
     made = make_model(*place);
@@ -193,7 +195,7 @@ Session::Model Session::make_model_ahead(const SurfacePoint& contact) {
 }
 
 Session::WantedBasis Session::next_basis(const Model& made) {
-  if (!config_.patch_ahead || !forecast_.moves()) return {};
+  if (!config_.patch_ahead || !forecast_.moves() || contact_.mode == ContactMode::stick) return {};
   // It is to be on the board at the update after the next.
   const auto place = forecast_.place(lead_ticks() + 2.0 * period_ticks(config_), reach_m());
   if (!place) return {};
