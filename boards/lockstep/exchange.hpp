@@ -73,7 +73,7 @@ struct ActuatorFrame {
   std::uint32_t missed_deadlines;     // so far
   std::uint32_t background_overruns;  // ticks so far whose background work was not done when the next began
   std::uint32_t tick_count;           // previous servo tick, interrupt entry to exit, in counts of clock_Hz
-  std::uint32_t busy_count;           // previous tick, servo and background together, likewise
+  std::uint32_t busy_count;           // and the background runs that ended in it, likewise
   std::uint32_t clock_Hz;             // 0 where the board has no such clock
   std::uint32_t link_length;          // valid bytes in link
   std::array<std::uint8_t, kLinkBytesPerTick> link;

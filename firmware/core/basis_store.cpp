@@ -25,6 +25,7 @@ std::uint32_t BasisStore::make_room(std::uint32_t in_use, Events& events) {
         (slots_[oldest].id != 0 && slots_[slot].asked < slots_[oldest].asked))
       oldest = slot;
   }
+  if (oldest == kNone) return kNone;
   Slot& slot = slots_[oldest];
   if (slot.id != 0 && !slot.complete) events.add({slot.id, Status::basis_dropped});
   slot.id = 0;
@@ -48,6 +49,10 @@ BasisStore::Events BasisStore::add(const palpate_ModelPart_1_0& part, std::uint3
   std::uint32_t found = find(part.basis_id);
   if (found == kNone) {
     found = make_room(in_use, events);
+    if (found == kNone) {
+      if (end == part.basis_bytes) events.add({part.basis_id, Status::basis_dropped});
+      return events;
+    }
     slots_[found].id = part.basis_id;
     slots_[found].length = part.basis_bytes;
   }

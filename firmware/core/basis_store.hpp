@@ -40,9 +40,10 @@ class BasisStore {
     void add(const Event& one) { event[count++] = one; }
   };
 
-  // Takes a piece. `in_use`: a bit per slot that must stay as it is; at most two. Another one is taken for a
-  // basis that is not known yet: an empty one, else the one that was asked for longest ago; what was under
-  // way there is dropped (an event with basis_dropped).
+  // Takes a piece. `in_use`: a bit per slot that must stay as it is. Another one is taken for a basis that is
+  // not known yet: an empty one, else the one that was asked for longest ago; what was under way there is
+  // dropped (an event with basis_dropped). Where there is no other one the piece is: the event comes with the
+  // last piece.
   Events add(const palpate_ModelPart_1_0& part, std::uint32_t in_use);
   // Goes on with the CRC of a basis whose pieces have all come. An event when that is done, at most one.
   Events check();
@@ -57,6 +58,11 @@ class BasisStore {
   // Identifier of the complete basis in the slot; 0: none.
   [[nodiscard]] std::uint32_t held(std::uint32_t slot) const {
     return slots_[slot].complete ? slots_[slot].id : 0;
+  }
+  // The slot of a basis as one bit, 0 where it has none.
+  [[nodiscard]] std::uint32_t slot_bit(std::uint32_t id) const {
+    const std::uint32_t slot = find(id);
+    return slot == kNone ? 0u : 1u << slot;
   }
 
  private:
@@ -77,6 +83,7 @@ class BasisStore {
     }
   };
   std::uint32_t find(std::uint32_t id) const;
+  // kNone: all slots are in use.
   std::uint32_t make_room(std::uint32_t in_use, Events& events);
   // Takes the CRC of what has come without a gap from the beginning.
   static void take_crc(Slot& slot);

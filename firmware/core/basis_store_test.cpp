@@ -175,6 +175,20 @@ TEST_F(BasisStoreTest, ANewOneTakesTheRoomThatWasAskedForLongestAgo) {
   expect_complete(b);
 }
 
+TEST_F(BasisStoreTest, TakesNothingWhereAllSlotsAreInUse) {
+  std::vector<Basis> bases;
+  for (unsigned seed = 1; seed <= kBasisSlots; ++seed) add_all(bases.emplace_back(2000, seed));
+  events_.clear();
+  const Basis another(2000, 77);
+  add_all(another, (1u << kBasisSlots) - 1u);
+  expect_event(another.id, Status::basis_dropped);
+  for (const Basis& basis : bases) {
+    expect_complete(basis);
+    EXPECT_EQ(store_->slot_bit(basis.id), 1u << store_->find_complete(basis.id));
+  }
+  EXPECT_EQ(store_->slot_bit(another.id), 0u);
+}
+
 // Where the first piece comes last the CRC of the rest is left: bounded work in each run.
 TEST_F(BasisStoreTest, TheCrcIsTakenInPieces) {
   const Basis basis(wire::kMaxBasisBytes, 1);

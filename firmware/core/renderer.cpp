@@ -275,10 +275,12 @@ bool Renderer::next_basis_event(BasisStore::Event& event) {
   return true;
 }
 
-// The slot that is not the shadow's is the interrupt's; while a shadow is on offer it may be either.
+// The slot that is not the shadow's is the interrupt's; while a shadow is on offer it may be either. A state
+// that waits keeps its basis, too.
 std::uint32_t Renderer::bases_in_use() const {
   const auto bit = [](const Slot& slot) { return slot.basis == BasisStore::kNone ? 0u : 1u << slot.basis; };
-  return bit(slots_[1u - shadow_slot_]) | (shadow_ != Shadow::empty ? bit(slots_[shadow_slot_]) : 0u);
+  return bit(slots_[1u - shadow_slot_]) | (shadow_ != Shadow::empty ? bit(slots_[shadow_slot_]) : 0u) |
+         (waiting_bytes_ != 0 ? bases_.slot_bit(waiting_basis_) : 0u);
 }
 
 Status Renderer::accept_part(std::span<const std::uint8_t> payload) {

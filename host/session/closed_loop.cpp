@@ -71,6 +71,7 @@ class Host {
       for (const TickRange& gap : session_.missing())
         frames.push_back(endpoint_.encode(traces_.request(gap)));
     }
+    if (held_back_) begin_basis(*held_back_);
     if (held_back_ && bases_.is_held(held_back_->packed.state.basis_id)) {
       send_state(*held_back_, tick, frames);
       held_back_.reset();
@@ -150,14 +151,17 @@ class Host {
   }
 
   // Brings the basis of the model to the board, or, where that is there, the one that will be wanted next;
-  // one that is under way comes first.
+  // one that is under way comes first, unless it is one that is only wanted next.
   void begin_basis(const ModelUpdate& update) {
     const std::uint32_t id = update.packed.state.basis_id;
-    if (id == 0 || !update.basis_stays || bases_.busy()) return;
+    if (id == 0 || !update.basis_stays) return;
     if (!bases_.is_held(id)) {
+      if (bases_.busy() && (bases_.id() == id || !is_ahead_)) return;
       bases_.begin(id, update.packed.basis);
-    } else if (update.wanted_basis && !bases_.is_held(update.wanted_basis_id)) {
+      is_ahead_ = false;
+    } else if (update.wanted_basis && !bases_.is_held(update.wanted_basis_id) && !bases_.busy()) {
       bases_.begin(update.wanted_basis_id, update.wanted_basis);
+      is_ahead_ = true;
     }
   }
 
@@ -253,6 +257,7 @@ class Host {
   bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
   BasisSender bases_;
+  bool is_ahead_ = false;                 // the one under way is for a state to come
   std::optional<ModelUpdate> held_back_;  // until its basis is on the board
   // Of pieces that were handed to the link after the newest state.
   std::size_t bytes_behind_model_ = std::size_t{1} << 40;

@@ -28,6 +28,9 @@ constexpr std::uint32_t kPrepareAfter_ticks = 50;
 // How much the lateness of the newest model counts: a single one that had to wait moves no patch by much.
 constexpr double kNewestsShare = 0.25;
 
+// A board's tip history is shorter: what is said to be later is an error of its sender.
+constexpr std::uint32_t kLatest_ticks = 1000;
+
 double period_ticks(const SessionConfig& config) {
   return 1.0 / (config.update_Hz * kTick_s);
 }
@@ -98,7 +101,9 @@ double Session::lead_ticks() const {
 }
 
 void Session::note_taken(std::uint32_t model_tick, std::uint32_t swap_tick) {
-  late_ticks_ += kNewestsShare * (static_cast<double>(swap_tick - model_tick) - late_ticks_);
+  const std::uint32_t late_ticks = swap_tick - model_tick;
+  if (late_ticks > kLatest_ticks) return;
+  late_ticks_ += kNewestsShare * (static_cast<double>(late_ticks) - late_ticks_);
 }
 
 // The place where it is now comes after those ahead: a tip that moves on is no longer there when that is
@@ -184,7 +189,7 @@ Session::Model Session::make_model_ahead(const SurfacePoint& contact) {
   Model made;
   for (const double part : {1.0, 0.5, 0.0}) {
     // A tip that sticks takes its place along.
-    if (part != 0.0 && contact_.mode == ContactMode::stick) continue;
+    if (part != 0.0 && (!config_.patch_ahead || contact_.mode == ContactMode::stick)) continue;
     const auto place = part == 0.0 ? contact : forecast_.place(part * lead_ticks(), reach_m());
     if (!place) continue;
     made = make_model(*place);
@@ -200,34 +205,40 @@ Session::WantedBasis Session::next_basis(const Model& made) {
   const auto place = forecast_.place(lead_ticks() + 2.0 * period_ticks(config_), reach_m());
   if (!place) return {};
   const PatchSize& size = config_.model.patch;
-  if (select_patch(body_, *place, size) == select_patch(body_, *made.model.chosen_around, size)) return {};
-  const Model next = make_model(*place);
-  if (next.model.modes() == 0 || next.packed.state.basis_id == made.packed.state.basis_id) return {};
-  if (is_held(next.packed.state.basis_id)) return {};
-  return {next.packed.basis, next.packed.state.basis_id};
+  const std::vector<int> patch = select_patch(body_, *place, size);
+  if (patch == select_patch(body_, *made.model.chosen_around, size)) return {};
+  if (patch != next_patch_ || next_basis_.first == nullptr) {
+    const Model next = make_model(*place);
+    // Without modes of its own it is on the patch before.
+    if (next.model.modes() == 0 || select_patch(body_, *next.model.chosen_around, size) != patch) return {};
+    next_patch_ = patch;
+    next_basis_ = {next.packed.basis, next.packed.state.basis_id};
+  }
+  if (is_held(next_basis_.second)) return {};
+  return next_basis_;
 }
 
 std::optional<ModelUpdate> Session::send_model(const SurfacePoint& contact) {
   Model made = make_model_ahead(contact);
-  if (made.model.modes() == 0)
-    return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
   const bool stays = made.contents.rest_m.count != 0;
   WantedBasis wanted;
   if (stays && is_held(made.packed.state.basis_id)) {
     around_held_ = made.model.chosen_around;
     wanted = next_basis(made);
-  } else if (stays && around_held_) {
+  } else if (around_held_) {
     Model before = make_model(*around_held_);
     if (before.model.modes() != 0 && has_contact(before) && is_held(before.packed.state.basis_id)) {
-      wanted = {made.packed.basis, made.packed.state.basis_id};
+      if (made.model.modes() != 0) wanted = {made.packed.basis, made.packed.state.basis_id};
       made = std::move(before);
     }
   }
+  if (made.model.modes() == 0)
+    return std::nullopt;  // the tip is over fixed nodes only, or the basis is not there
   ModelUpdate update = begin_update();
   std::tie(update.wanted_basis, update.wanted_basis_id) = std::move(wanted);
   update.message = wire::unpack(made.packed, made.contents);
   update.packed = std::move(made.packed);
-  update.basis_stays = stays;
+  update.basis_stays = made.contents.rest_m.count != 0;
   update.patch_nodes = made.model.node;
   update.damping_coupling = made.model.damping_coupling;
   update.limited_modes = made.model.limited_modes;

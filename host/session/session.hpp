@@ -1,10 +1,10 @@
 // The host's side of a session: replays the measured tip path on the full body and streams local models.
 //
 // At each update it advances the non-linear body, with the same contact code as the board's, through the
-// servo ticks that have arrived, linearizes it there, reduces it around the tip, and stamps the model with
-// that tick. The full body thus carries every local deformation: the geometry feedback of Jacobs, Fu,
-// Cavusoglu 2010, section 3, done exactly. Other schemes of feedback can be had for comparison
-// (feedback.hpp).
+// servo ticks that have arrived, linearizes it there, reduces it around the place where the tip is expected,
+// and stamps the model with that tick. The full body thus carries every local deformation: the geometry
+// feedback of Jacobs, Fu, Cavusoglu 2010, section 3, done exactly. Other schemes of feedback can be had for
+// comparison (feedback.hpp).
 #pragma once
 
 #include <cstddef>
@@ -142,6 +142,9 @@ class Session {
   double late_ticks_;       // from a model's tick to that in which the board takes it over, smoothed
   std::optional<std::uint32_t> requested_until_;  // gaps that end here were asked for at the last update
   std::optional<std::vector<std::uint32_t>> held_bases_;
+  // The patch after the present one, when it was looked for last.
+  std::vector<int> next_patch_;
+  WantedBasis next_basis_;
   std::optional<SurfacePoint> around_held_;  // of the newest model whose basis was on the board
   std::vector<Interpolated> interpolated_;
   std::uint32_t interpolated_in_model_ = 0;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "host/msd/vectors.hpp"
 #include "host/session/simulation.hpp"
 #include "host/session/test_contact.hpp"
 
@@ -223,6 +224,60 @@ TEST_F(SessionTest, WantsBasesBeforeTheTipIsThere) {
   Session slow(body, body.rest_state(), config_);
   EXPECT_GT(run(slow).size(), 30u);
   EXPECT_GT(slow.basis_waits(), 9u);
+}
+
+TEST_F(SessionTest, PutsThePatchAroundTheContactUnlessAhead) {
+  config_.patch_ahead = false;
+  config_.law.tip_radius_m = 4e-3;
+  path_ = Path{{0.0145, 0.0165, 5e-3}};
+  path_.to({0.0145, 0.0165, 2e-3}, 100).to({0.0245, 0.0175, 2e-3}, 200);
+  Session session(body_, body_.rest_state(), config_);
+  int touching = 0;
+  for (std::uint32_t tick = 3; tick <= path_.ticks(); tick += kSamplesPerTrace) {
+    session.take(trace(path_, tick - 3));
+    if (tick % 32 != 31) continue;
+    const auto update = session.update();
+    if (!update || session.contact().mode == ContactMode::free) continue;
+    ++touching;
+    const SurfacePoint contact{static_cast<int>(session.contact().triangle),
+                               to_eigen(session.contact().barycentric)};
+    const std::vector<int> nodes = select_patch(body_, contact, config_.model.patch);
+    for (const int node : update->patch_nodes)
+      EXPECT_NE(std::find(nodes.begin(), nodes.end(), node), nodes.end());
+  }
+  EXPECT_GE(touching, 4);
+}
+
+// Back and forth, faster than patches can be computed: as long as the patch on the board has the contact, it
+// is used.
+TEST_F(SessionTest, GoesOnWithThePatchOnTheBoard) {
+  const Body body = block(10);
+  config_.model.builder = Builder::krylov;
+  config_.model.tangent = TangentAt::rest;
+  config_.model.shift_rad_s = {0.0};
+  config_.model.bases = {BasisTiming::virtual_time, 300, std::nullopt};
+  path_ = Path{{0.0445, 0.0465, 5e-4}};
+  path_.to({0.0445, 0.0465, -1e-3}, 1000);
+  for (int turn = 0; turn < 4; ++turn) path_.to({0.0525, 0.0465, -1e-3}, 60).to({0.0365, 0.0465, -1e-3}, 60);
+  Session session(body, body.rest_state(), config_);
+  std::vector<std::uint32_t> held;
+  int updates = 0;
+  for (std::uint32_t tick = 0; tick <= path_.ticks(); ++tick) {
+    if (tick % kSamplesPerTrace == kSamplesPerTrace - 1)
+      session.take(trace(path_, tick + 1 - kSamplesPerTrace));
+    if (!session.due(tick)) continue;
+    const auto update = session.update();
+    if (tick < 700) {
+      if (update) held = {update->packed.state.basis_id};
+      session.note_held_bases(held);
+    } else {
+      ASSERT_TRUE(update) << tick;
+      ++updates;
+      EXPECT_EQ(update->packed.state.basis_id, held[0]);
+    }
+  }
+  EXPECT_GT(updates, 20);
+  EXPECT_GT(session.basis_waits(), 3u);
 }
 
 TEST_F(SessionTest, PreparesBetweenRareUpdates) {

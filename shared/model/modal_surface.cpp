@@ -47,6 +47,7 @@ void ModalSurface::bind(const LocalModelView& model, ModalState& state) {
   near_age_ = 0;
   near_due_ = true;
   near_waiting_ = false;
+  near_paused_ = true;
   near_work_ = 0;
   near_.bind();
   if (model.springs != 0) {
@@ -244,7 +245,8 @@ void ModalSurface::set_near_period(std::uint32_t steps) {
 // No springs are near. What they did so far ends.
 void ModalSurface::pause_near_field() {
   near_.skip();
-  if (near_due_) return;
+  if (near_paused_) return;
+  near_paused_ = true;
   near_load_ = near_rise_ = {};
   near_due_ = true;
   near_waiting_ = false;
@@ -254,6 +256,7 @@ void ModalSurface::pause_near_field() {
 // In one step the forces on the nodes, in the next what they do to the modes. Those act from then on until
 // the next do: the middle of that is 1 + half a period after the positions.
 void ModalSurface::step_near_field() {
+  near_paused_ = false;
   const std::uint32_t before = work_;
   if (near_due_ || near_age_ >= near_period_) {
     for (std::uint32_t n = 0; n < model_.nodes; ++n) (void)position(n);

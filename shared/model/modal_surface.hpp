@@ -107,6 +107,7 @@ class ModalSurface {
   std::uint32_t near_age_ = 0;                     // steps since the nodes' positions were taken
   bool near_due_ = true;                           // it has not been since bind() or a pause
   bool near_waiting_ = false;                      // forces wait to be projected
+  bool near_paused_ = true;                        // no springs are near, and none act any more
   std::uint32_t near_work_ = 0;
   std::array<std::int16_t, kMaxModes> quantized_{};  // basis_scale * q or * p, in steps of quantum_
   float quantum_ = 0;

@@ -89,7 +89,7 @@ TEST(TipTrace, RestAndTheSingleTickAreExact) {
 
 // What docs/protocol.md says of a tip at 0.5 m/s.
 TEST(TipTrace, ErrorAtHalfAMetreASecond) {
-  for (const auto& [ticks, error_m] : {std::pair{4, 48e-9}, std::pair{8, 107.5e-9}}) {
+  for (const auto& [ticks, error_m] : {std::pair{4, 46e-9}, std::pair{8, 107.3e-9}}) {
     Path path;
     for (int i = 0; i < ticks; ++i) path.push_back({0.1f + 5e-4f * static_cast<float>(i), 0.2f, 0.0f});
     palpate_TipTrace_1_0 message{};

@@ -89,7 +89,9 @@ TICKS = (
     ),
     _tick("tick_count", "u4", 0, "clock counts", "length of the previous servo tick", hashed=False),
     _tick(
-        "busy_count", "u4", 0, "clock counts", "previous tick, servo and background together", hashed=False
+        "busy_count", "u4", 0, "clock counts",
+        "previous servo tick and the background runs that ended in it: after an overrun the work of more than one tick, before "
+        "that none", hashed=False
     ),
 )
 
@@ -267,6 +269,6 @@ RUN_COUNTERS = {
     "models_sent": "local models that the host sent",
     "models_taken": "local models that the board took over",
     "models_refused": "local models that the board refused or dropped",
-    "basis_waits": "updates at which the modes of the patch around the tip were not there yet: the patch before was used, "
-    "or no model was sent",
+    "basis_waits": "updates at which the modes of the patch that the model should be on were not there yet: one less far ahead "
+    "or the patch before was used, or no model was sent",
 }

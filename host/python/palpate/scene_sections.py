@@ -380,7 +380,7 @@ class Link:
     trace: str = key(
         Choice(("full", "tip")),
         "what the board sends of its ticks; `full`: tip, force and contact; `tip`: where the tip was, all that the host "
-        "needs, each coordinate off by 48 nm at most at 0.5 m/s and four ticks a message; records have the rest from the "
+        "needs, each coordinate off by 46 nm at most at 0.5 m/s and four ticks a message; records have the rest from the "
         "emulated board; not with `model.feedback = \"paper\"`",
         default="full",
     )

@@ -41,12 +41,12 @@ RUN_KEYS = (
     Key(
         "worst_busy_instructions",
         "instructions",
-        "the same for servo and background work of one tick together",
+        "the same for a servo tick and the background runs that ended in it",
     ),
     Key("model_updates", "", "local models that the board took over"),
     Key("models_sent", "", "local models that the host sent"),
     Key("models_refused", "", "local models that the board refused or dropped"),
-    Key("basis_waits", "", "updates at which the modes of the patch around the tip were not there yet"),
+    Key("basis_waits", "", "updates at which the modes of the patch that the model should be on were not there yet"),
     Key(
         "model_age_ticks",
         "ticks",

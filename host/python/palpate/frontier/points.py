@@ -133,7 +133,7 @@ BUILDERS: dict[str, Builder] = {
             "hybrid_m7",
             "hybrid with 96 modes, on a Cortex-M7",
             "hybrid",
-            {"model.builder": "hybrid", "model.near_nodes": 12},
+            {"model.builder": "hybrid", "model.near_nodes": 12, **_96_MODES},
             board="mps2_an500",
         ),
         Builder("krylov_frame", "krylov of the frame, 0 Hz", "krylov, frame", {**_KRYLOV_FRAME}),
