@@ -156,11 +156,12 @@ def draw_sweeps(points: Sequence[Measured], file: Path) -> None:
                 f"o{styles[experiment]}",
                 color=_colour(BUILDERS[builder].family),
                 markersize=4,
-                label=f"{BUILDERS[builder].title}: {EXPERIMENTS[experiment].title}",
+                label=f"{builder}: {EXPERIMENTS[experiment].title}",
             )
         panel.set_xticks(list(places.values()), list(places))
         _percent_axis(panel)
         panel.set_xlabel(_SWEEP_LABELS[name], fontsize=8)
         panel.set_ylabel("force error [%]", fontsize=8)
-        panel.legend(fontsize=6, framealpha=0.9)
+        # Above the panel: lines go everywhere.
+        panel.legend(fontsize=6, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     plot.save(figure, file)
