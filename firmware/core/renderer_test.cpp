@@ -400,6 +400,36 @@ TEST(Renderer, AStateWaitsForItsBasis) {
   EXPECT_EQ(runner.reports[0].status, Status::ok);
 }
 
+// Three bases are on the board: of the active model, of the one that catches up, and of the state that waits
+// until it has. A fourth finds no room.
+TEST(Renderer, AStateThatWaitsKeepsItsBasis) {
+  Runner runner;
+  runner.ticks(150);
+  ASSERT_EQ(runner.accept(square_model(1, runner.now - 1, kCentre_m)), Status::ok);
+  runner.ticks(200);
+  ASSERT_EQ(runner.renderer->model_sequence(), 1u);
+  ASSERT_EQ(runner.accept(other_model(2, runner.now - 60, 0.001f)), Status::ok);
+  ASSERT_EQ(runner.accept(other_model(3, runner.now - 1, 0.002f)), Status::ok);
+  runner.ticks(3);
+  ASSERT_EQ(runner.renderer->model_sequence(), 1u);
+  runner.basis_events.clear();
+  const wire::PackedModel fourth = wire::pack(other_model(4, runner.now - 1, 0.003f));
+  for (const auto& part : parts_of(fourth))
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  runner.ticks(1);
+  ASSERT_EQ(runner.basis_events.size(), 1u);
+  EXPECT_EQ(runner.basis_events[0].id, fourth.state.basis_id);
+  EXPECT_EQ(runner.basis_events[0].status, Status::basis_dropped);
+  runner.ticks(60);
+  EXPECT_EQ(runner.renderer->model_sequence(), 3u);
+  // Then there is room.
+  for (const auto& part : parts_of(fourth))
+    EXPECT_EQ(runner.renderer->accept_part(HostPeer::payload(part)), Status::ok);
+  ASSERT_EQ(runner.accept(HostPeer::payload(fourth.state)), Status::ok);
+  runner.ticks(60);
+  EXPECT_EQ(runner.renderer->model_sequence(), 4u);
+}
+
 TEST(Renderer, OnlyTheNewestStateWaits) {
   Runner runner;
   runner.ticks(150);
