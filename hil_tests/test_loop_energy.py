@@ -48,8 +48,8 @@ def test_board_and_replay_account_for_the_same_energy(tmp_path, board):
 
 
 def test_models_that_overlap_and_lost_ticks_are_accounted_too(tmp_path):
-    # Of builder hybrid a model may begin before the take-over of the one before.
-    result = run(tmp_path, with_probe(HYBRID + LOST, "mps2_an386"))
+    # At 60 updates a second a model begins before the take-over of the one before.
+    result = run(tmp_path, with_probe(HYBRID + "[rates]\nmodel_update_Hz = 60.0\n" + LOST, "mps2_an386"))
     assert result.summary["missed_deadlines"] >= 2
     check_account(result)
     taken = result["updates/status"] == 0

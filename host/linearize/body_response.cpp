@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "host/linearize/blas_lock.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
@@ -90,6 +91,7 @@ void BodyResponse::Solver::widen(const Eigen::MatrixXd& directions) {
 }
 
 Eigen::MatrixXd BodyResponse::Solver::precondition(const Eigen::MatrixXd& residual, double w) {
+  const auto lock = blas_lock();
   if (factored_rad_s != w) {
     Sparse identity(stiffness.rows(), stiffness.cols());
     identity.setIdentity();
@@ -119,7 +121,10 @@ BodyResponse::BodyResponse(const Body& body, const BodyState& state, std::vector
   const Tangent rest = tangent(body, body.rest_state());
   s.rest_stiffness = scale * Sparse(-rest.df_dx_N_m) * scale;
   s.rest_damping = scale * Sparse(-rest.df_dv_N_s_m) * scale;
-  s.factor.analyzePattern(s.rest_stiffness);
+  {
+    const auto lock = blas_lock();
+    s.factor.analyzePattern(s.rest_stiffness);
+  }
   s.force = Eigen::MatrixXd::Zero(body.dof_count(), 3 * std::ssize(points));
   for (std::size_t p = 0; p < points.size(); ++p)
     for (int corner = 0; corner < 3; ++corner)

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <stdexcept>
 
+#include "host/linearize/blas_lock.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
@@ -35,7 +36,9 @@ struct StaticSurroundings::Factor {
 };
 
 StaticSurroundings::StaticSurroundings(const Body& body) : body_(body), factor_(std::make_unique<Factor>()) {
-  factor_->stiffness.compute(Sparse(-tangent(body, body.rest_state()).df_dx_N_m));
+  const Sparse stiffness_N_m = -tangent(body, body.rest_state()).df_dx_N_m;
+  const auto lock = blas_lock();
+  factor_->stiffness.compute(stiffness_N_m);
   if (factor_->stiffness.info() != Eigen::Success)
     throw std::invalid_argument(
         "the body has a motion that no spring resists: it has no static answer to a force");
@@ -49,7 +52,10 @@ Eigen::MatrixXd StaticSurroundings::compliance_m_N(const std::vector<int>& nodes
   if (count == 0) return {};
   Eigen::MatrixXd force = Eigen::MatrixXd::Zero(body_.dof_count(), count);
   for (Eigen::Index d = 0; d < count; ++d) force(dofs[static_cast<std::size_t>(d)], d) = 1.0;
-  const Eigen::MatrixXd moved = factor_->stiffness.solve(force);
+  const Eigen::MatrixXd moved = [&]() -> Eigen::MatrixXd {
+    const auto lock = blas_lock();
+    return factor_->stiffness.solve(force);
+  }();
   const Eigen::MatrixXd own = moved(dofs, Eigen::all);
   return 0.5 * (own + own.transpose());
 }

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "host/linearize/blas_lock.hpp"
 #include "host/msd/tangent.hpp"
 
 namespace palpate::host {
@@ -37,6 +38,7 @@ Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   Eigen::MatrixXd c(a.rows(), b.cols());
   const auto rows = static_cast<int>(a.rows()), inner = static_cast<int>(a.cols()),
              columns = static_cast<int>(b.cols());
+  const auto lock = blas_lock();
   cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, rows, columns, inner, 1.0, a.data(), rows, b.data(),
               inner, 0.0, c.data(), rows);
   return c;
@@ -47,9 +49,15 @@ Eigen::MatrixXd inner_product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b
   Eigen::MatrixXd c(a.cols(), b.cols());
   const auto rows = static_cast<int>(a.cols()), inner = static_cast<int>(a.rows()),
              columns = static_cast<int>(b.cols());
+  const auto lock = blas_lock();
   cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, rows, columns, inner, 1.0, a.data(), inner, b.data(),
               inner, 0.0, c.data(), rows);
   return c;
+}
+
+Eigen::MatrixXd solved(const Cholesky& factor, const Eigen::MatrixXd& forces) {
+  const auto lock = blas_lock();
+  return factor.solve(forces);
 }
 
 // W with W' gram W = I for what is not rounding in gram.
@@ -102,6 +110,7 @@ WholeBodyReduction::WholeBodyReduction(const Body& body, const Shifts& shifts)
     result->cholmod().nmethods = 1;
     result->cholmod().method[0].ordering = CHOLMOD_METIS;
     const Sparse shifted = f.stiffness + s * f.damping + s * s * identity;
+    const auto lock = blas_lock();
     result->compute(shifted);
     if (result->info() != Eigen::Success)
       throw std::invalid_argument(
@@ -132,13 +141,13 @@ WholeBodyBasis WholeBodyReduction::reduce(const std::vector<int>& nodes) const {
                           count * std::ssize(f.factor) + middle_count * std::ssize(f.middle_factor));
   Eigen::Index next = 0;
   for (const auto& factor : f.factor) {
-    answers.middleCols(next, count) = factor->solve(forces);
+    answers.middleCols(next, count) = solved(*factor, forces);
     next += count;
   }
   if (middle_count > 0) {
     const Eigen::MatrixXd middle_forces = forces.leftCols(middle_count);
     for (const auto& factor : f.middle_factor) {
-      answers.middleCols(next, middle_count) = factor->solve(middle_forces);
+      answers.middleCols(next, middle_count) = solved(*factor, middle_forces);
       next += middle_count;
     }
   }
