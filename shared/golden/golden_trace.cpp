@@ -235,8 +235,9 @@ void GoldenTrace::build_model() {
 // Along the rows, the columns and the diagonals, at rest where the masses are undisturbed.
 void GoldenTrace::connect_neighbours() {
   for (std::size_t n = 0; n < kNodes; ++n) {
-    rest_m_[3 * n] = static_cast<float>(n % kSide) * kSpacing_m;
-    rest_m_[3 * n + 1] = static_cast<float>(n / kSide) * kSpacing_m;
+    const std::size_t column = n % kSide, row = n / kSide;
+    rest_m_[3 * n] = static_cast<float>(column) * kSpacing_m;
+    rest_m_[3 * n + 1] = static_cast<float>(row) * kSpacing_m;
   }
   std::size_t s = 0;
   for (std::size_t j = 1; j < kNodes; ++j) {
