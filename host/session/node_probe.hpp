@@ -34,7 +34,8 @@ struct ReplayedTick {
 struct Replay {
   std::vector<ReplayedTick> ticks;  // one per tick
   // One per model: its correction energy (firmware/core/renderer.hpp), summed in double precision; NaN where
-  // it was never rendered.
+  // it was never rendered. A board that forgets its models in between (Renderer::isr_reset) begins anew,
+  // which is not known here.
   std::vector<double> correction_energy_J;
 };
 

@@ -110,10 +110,11 @@ void Session::note_taken(std::uint32_t model_tick, std::uint32_t swap_tick) {
 // ready. Last come the ways that it may take next, some of the cells around it at each update.
 void Session::foresee(std::uint32_t tick, const std::optional<SurfacePoint>& focus) {
   foreseen_tick_ = tick;
+  const std::uint32_t ahead = builder_->foresight_ticks();
+  if (ahead == 0 && !config_.patch_ahead) return;
   const Eigen::Vector3d tip_m = to_eigen(path_.at(tick));
   const Eigen::Matrix3Xd& position_m = surface_.state().position_m;
   forecast_.note(tick, tip_m, position_m, focus ? *focus : nearest_surface_point(body_, position_m, tip_m));
-  const std::uint32_t ahead = builder_->foresight_ticks();
   if (ahead == 0) return;
   std::vector<SurfacePoint> contacts;
   if (forecast_.moves())

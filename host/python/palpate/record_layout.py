@@ -186,7 +186,8 @@ PROBE = (
         "f8",
         ("updates",),
         "J",
-        "updates/correction_energy_J as that replay has it, in double precision; NaN for a model that was never rendered",
+        "updates/correction_energy_J as that replay has it, in double precision; NaN for a model that was never rendered. The board "
+        "begins anew where it is calibrated again in a run, this does not",
         hashed=True,
         optional=True,
     ),
