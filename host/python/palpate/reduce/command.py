@@ -152,7 +152,8 @@ def _write(folder: Path, name: str, values: Mapping[str, Any], draw: Callable[[P
 
 
 def _lines(title: str, rows: Sequence[tuple[str, str]]) -> str:
-    return "\n".join([title, *(f"  {label:<46}{text}" for label, text in rows)])
+    width = max([46, *(len(label) + 1 for label, _ in rows)])
+    return "\n".join([title, *(f"  {label:<{width}}{text}" for label, text in rows)])
 
 
 def _title(request: Request, system: ContactSystem) -> str:

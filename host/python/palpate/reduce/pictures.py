@@ -1,5 +1,6 @@
 """Pictures of `palpate reduce`: singular values and responses; where the states lie, and what patches miss."""
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -103,11 +104,13 @@ def draw_compliance(comparison: Comparison, file: Path) -> None:
     figure, (above, below) = plot.panels((1.5, 1.5))
     colours = np.linspace(0.0, 1.0, len(comparison.models))
     rising = comparison.frequency_Hz[1:]
-    for one, shade in zip(comparison.models, colours, strict=True):
+    # Neighbours have much the same colour.
+    styles = itertools.cycle(("-", "--", "-.", ":"))
+    for one, shade, style in zip(comparison.models, colours, styles, strict=False):
         colour = (0.05 + 0.85 * shade, 0.25 + 0.3 * shade * (1 - shade), 0.6 - 0.5 * shade)
         label = f"{one.name()}: {one.modes} modes"
         for panel, error in ((above, one.at_node), (below, one.between_nodes)):
-            panel.loglog(rising, error[1:], color=colour, linewidth=1.2, label=label)
+            panel.loglog(rising, error[1:], style, color=colour, linewidth=1.2, label=label)
     for panel, place in ((above, "at the node"), (below, "between nodes")):
         panel.axhline(0.01, color=plot.GREY, linestyle="--", linewidth=1)
         panel.set_ylim(1e-5, 2.0)
