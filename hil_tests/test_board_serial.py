@@ -8,6 +8,9 @@ from board_peer import (
     parse_status, parse_trace,
 )
 
+from palpate.hil import BOARDS
+from palpate.versions import identify
+
 NAMES = {"native": "native", "mps2": "mps2_an386"}
 
 
@@ -23,6 +26,13 @@ def test_answers_who_it_is(line):
     frame = line.wait_for(LinkCodec.GET_INFO)
     assert frame.is_response and frame.transfer_id == 17
     assert BoardInfo.parse(frame.payload).board == line.name
+
+
+def test_the_image_says_of_itself_what_the_board_answers(line):
+    line.port.write(LinkCodec.request(LinkCodec.GET_INFO, 3))
+    info = BoardInfo.parse(line.wait_for(LinkCodec.GET_INFO).payload)
+    said = identify(BOARDS[line.name])
+    assert (said.version, said.schema, said.problem) == (info.firmware, info.schema_hash, "")
 
 
 def test_status_and_trace_come_by_themselves(line):

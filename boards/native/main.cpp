@@ -1,4 +1,5 @@
 // The firmware as a Linux process: interrupt and background in turn, in one thread.
+#include <cinttypes>
 #include <csignal>
 #include <cstdio>
 #include <memory>
@@ -19,7 +20,8 @@ constexpr palpate::firmware::BoardIdentity kIdentity{"native", PALPATE_VERSION};
 constexpr const char* kUsage =
     "usage: palpate_native --lockstep ACTUATORS SENSORS   in lock-step with a plant over two files (FIFOs)\n"
     "       palpate_native --pty                          in real time, without a plant; prints the link's "
-    "terminal\n";
+    "terminal\n"
+    "       palpate_native --version                      says what it is\n";
 
 // For the signal handler; set before it is installed.
 Board* board = nullptr;
@@ -59,6 +61,11 @@ void run_in_real_time(App& app, NativePlatform& platform) {
 
 int main(int argc, char** argv) {
   const std::string_view mode = argc > 1 ? argv[1] : "";
+  if (mode == "--version" && argc == 2) {
+    std::printf("palpate %s %s schema %016" PRIx64 "\n", kIdentity.board.data(), kIdentity.firmware.data(),
+                palpate::wire::kSchemaHash);
+    return 0;
+  }
   const bool lockstep = mode == "--lockstep" && argc == 4;
   if (!lockstep && !(mode == "--pty" && argc == 2)) {
     std::fputs(kUsage, stderr);

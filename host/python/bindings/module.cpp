@@ -3,10 +3,12 @@
 #include "firmware/core/renderer.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "shared/model/local_model.hpp"
+#include "shared/wire/messages.hpp"
 
 NB_MODULE(_core, module) {
   using namespace nanobind::literals;
   module.doc() = "The C++ core of palpate; see _core.pyi.";
+  module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
   module.attr("MAX_MODES") = palpate::kMaxModes;
   module.attr("MAX_HYBRID_MODES") = palpate::kMaxBasis / (3 * palpate::kMaxSurfaceNodes);
   module.attr("RENDERER_BYTES") = sizeof(palpate::firmware::Renderer);

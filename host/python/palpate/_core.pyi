@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Progress = Callable[[int, int], bool]
 
+# Of the message definitions that the extension was built with (docs/protocol.md, "Schema hash").
+SCHEMA_HASH: int
 # The most modes that a local model on the board may have.
 MAX_MODES: int
 # Of one with as many nodes as it may have.

@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | doctor | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
-from palpate import __version__
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.paths import ROOT, SCENES
@@ -34,6 +33,16 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
+class _ShowVersions(argparse.Action):
+    """Versions of host, message schema and firmware, asked for only when they are wanted."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from palpate import versions
+
+        print(versions.text())
+        parser.exit(OK)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands."""
     parser = _Parser(
@@ -41,7 +50,9 @@ def build_parser() -> argparse.ArgumentParser:
         description="Haptic rendering of deformable bodies: firmware, plant and body in one repeatable loop.",
         epilog=_EPILOG,
     )
-    parser.add_argument("--version", action="version", version=f"palpate {__version__}")
+    parser.add_argument(
+        "--version", action=_ShowVersions, nargs=0, help="versions of host, message schema and firmware"
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
@@ -135,6 +146,7 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("what", choices=("frontier",), help="frontier: every builder in every experiment, and sweeps")
     bench.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
     add_out(bench, "out/frontier")
+    add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
@@ -346,6 +358,17 @@ def _test(arguments: argparse.Namespace) -> int:
     return OK if run_tests(quick=arguments.quick, as_json=arguments.json) else FAILED
 
 
+def _doctor(arguments: argparse.Namespace) -> int:
+    from palpate import doctor
+
+    checks = doctor.examine()
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(doctor.format_checks(checks), file=table)
+    if arguments.json:
+        print(json.dumps(doctor.to_dict(checks)))
+    return OK if doctor.healthy(checks) else FAILED
+
+
 def _complain(arguments: argparse.Namespace, message: str) -> None:
     print(message, file=sys.stderr)
     if arguments.json:
@@ -356,7 +379,13 @@ def main(argv: Sequence[str]) -> int:
     """Runs one command; returns the exit code."""
     arguments = build_parser().parse_args(argv)
     try:
-        commands = {"test": _test, "reproduce": _reproduce, "reduce": _reduce, "bench": _bench}
+        commands = {
+            "test": _test,
+            "reproduce": _reproduce,
+            "reduce": _reduce,
+            "bench": _bench,
+            "doctor": _doctor,
+        }
         return commands.get(arguments.command, _experiment)(arguments)
     except SceneError as error:
         _complain(arguments, str(error))

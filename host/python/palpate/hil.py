@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from palpate.paths import BUILD, cache_folder
+from palpate.paths import BUILD, PACKAGE, SOURCE, cache_folder
 
 Progress = Callable[[int, int], bool]
 
@@ -42,15 +42,19 @@ class BoardError(RuntimeError):
 
 @dataclass(frozen=True)
 class BoardType:
-    """How a board is started. instructions_per_count: of the firmware's clock; None: it has no such clock."""
+    """How a board is started. instructions_per_count: of the firmware's clock; None: it has no such clock.
+    identify: how it is started to print what it is, on the first line of standard output."""
 
     name: str
     image: Path
     command: Callable[[Path], list[str]]
     instructions_per_count: int | None
+    identify: Callable[[Path], list[str]]
 
 
-def _qemu_command(machine: str, shift: int, image: Path) -> list[str]:
+def _qemu_command(
+    machine: str, shift: int, image: Path, console: str = f"file:{_CONSOLE}", argument: str = ""
+) -> list[str]:
     # sleep=off: virtual time does not wait for the wall clock.
     return [
         "qemu-system-arm",
@@ -63,9 +67,9 @@ def _qemu_command(machine: str, shift: int, image: Path) -> list[str]:
         "-monitor",
         "none",
         "-serial",
-        f"file:{_CONSOLE}",
+        console,
         "-semihosting-config",
-        "enable=on,target=native",
+        f"enable=on,target=native{argument}",
         "-kernel",
         str(image),
     ]
@@ -75,13 +79,20 @@ def _native_command(image: Path) -> list[str]:
     return [str(image), "--lockstep", "act.fifo", "sen.fifo"]
 
 
+def _native_image() -> Path:
+    return BUILD / "host/boards/native/palpate_native" if SOURCE else PACKAGE / "bin/palpate_native"
+
+
 def _mps2(name: str, shift: int) -> BoardType:
     # An instruction takes 2^shift ns; its clock counts every 40 ns.
+    command = partial(_qemu_command, name.replace("_", "-"), shift)
     return BoardType(
         name,
         BUILD / f"{name}/boards/{name}/palpate_{name}.elf",
-        partial(_qemu_command, name.replace("_", "-"), shift),
+        command,
         40 >> shift,
+        # On a serial line: without a plant's files to open.
+        partial(command, console="stdio", argument=",arg=uart"),
     )
 
 
@@ -91,7 +102,7 @@ BOARDS = {
     for board in (
         _mps2("mps2_an386", 3),
         _mps2("mps2_an500", 1),
-        BoardType("native", BUILD / "host/boards/native/palpate_native", _native_command, None),
+        BoardType("native", _native_image(), _native_command, None, lambda image: [str(image), "--version"]),
     )
 }
 
@@ -115,7 +126,8 @@ class Board:
 
     def __enter__(self) -> Self:
         if not self._type.image.exists():
-            raise BoardError(f"board {self._type.name}: {self._type.image} does not exist: ./run builds it")
+            remedy = "./run builds it" if SOURCE else "it needs the source tree, where ./run builds it; native is here"
+            raise BoardError(f"board {self._type.name}: {self._type.image} does not exist: {remedy}")
         self._folder = tempfile.TemporaryDirectory(prefix="palpate-", ignore_cleanup_errors=True)
         try:
             self._start(Path(self._folder.name))

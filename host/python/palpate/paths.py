@@ -1,11 +1,16 @@
-"""Where things are in the repository."""
+"""Where things are: in the repository, or in an installed wheel, which has scenes and the native board but no more."""
 
 import os
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
+PACKAGE = Path(__file__).resolve().parent
+_HOST = PACKAGE.parents[1]
+# The repository; None in an installed wheel.
+SOURCE: Path | None = _HOST.parent if (_HOST.parent / "dependencies.txt").exists() else None
+# Results go below it.
+ROOT = SOURCE or Path.cwd()
 BUILD = ROOT / "build"
-SCENES = ROOT / "scenes"
+SCENES = (SOURCE or PACKAGE) / "scenes"
 
 
 def cache_folder() -> Path:

@@ -90,4 +90,5 @@ while True:
 def board(behaviour: str = "pass", image: Path = Path(sys.executable)) -> BoardType:
     """A board that runs a Python script, with one more statement in each tick."""
     script = _BOARD.replace("{behaviour}", behaviour)
-    return BoardType("fake", image, lambda _: [sys.executable, "-c", script], 5)
+    identify = [sys.executable, "-c", "print('palpate fake 0.1 schema 0123456789abcdef')"]
+    return BoardType("fake", image, lambda _: [sys.executable, "-c", script], 5, lambda _: identify)

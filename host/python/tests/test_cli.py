@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command import ROOT, palpate
 
-from palpate import __version__, cli, hil
+from palpate import cli, hil
 from palpate.experiment import Outcome
 
 SCENE = ROOT / "scenes/press.toml"
@@ -34,14 +34,9 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 def test_help_lists_the_commands() -> None:
     done = palpate("--help")
     assert done.returncode == 0
-    for command in ("demo", "run", "simulate", "reproduce", "reduce", "bench", "test"):
+    for command in ("demo", "run", "simulate", "reproduce", "reduce", "bench", "doctor", "test"):
         assert re.search(rf"\n    {command}\s", done.stdout)
         assert palpate(command, "--help").returncode == 0
-
-
-def test_version() -> None:
-    done = palpate("--version")
-    assert (done.returncode, done.stdout) == (0, f"palpate {__version__}\n")
 
 
 @pytest.mark.parametrize(

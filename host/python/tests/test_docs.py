@@ -5,7 +5,7 @@ from pathlib import Path
 
 from command import ROOT
 
-from palpate import __version__, docs
+from palpate import docs
 from palpate.scene import load_scene
 
 
@@ -30,9 +30,3 @@ def test_the_example_in_the_scene_documentation_is_a_scene(tmp_path: Path) -> No
     for example in examples:
         (tmp_path / "example.toml").write_text(example)
         load_scene(tmp_path / "example.toml")
-
-
-def test_version_is_that_of_the_build() -> None:
-    match = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())
-    assert match is not None
-    assert match[1] == __version__

@@ -61,7 +61,7 @@ def test_a_board_that_hangs_is_ended() -> None:
 
 
 def test_a_board_that_never_opens_its_streams_is_ended() -> None:
-    silent = hil.BoardType("fake", Path("/bin/sleep"), lambda image: [str(image), "600"], None)
+    silent = hil.BoardType("fake", Path("/bin/sleep"), lambda image: [str(image), "600"], None, lambda image: [])
     with pytest.raises(
         BoardError, match=r"gave no tick for 0\.5 s and was ended; last sign of life at tick 0"
     ):

@@ -1,0 +1,214 @@
+"""`palpate doctor`: is everything there that palpate needs, and what to do where it is not.
+
+Checks are of two kinds: what is needed (its absence ends the command with 1), and what only one part of palpate wants.
+"""
+
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from palpate import __version__, versions
+from palpate.paths import SOURCE
+
+_TIMEOUT_S = 20.0
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at. remedy: what to do; empty where it is ok. needed: nothing goes without it."""
+
+    name: str
+    ok: bool
+    found: str
+    remedy: str = ""
+    needed: bool = True
+
+    def line(self) -> str:
+        """For a person."""
+        state = "ok" if self.ok else "problem"
+        remedy = f" -> {self.remedy}" if self.remedy else ""
+        return f"{state:<8}{self.name}: {self.found}{remedy}"
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A program, the Debian package that has it, and what wants it."""
+
+    program: str
+    package: str
+    purpose: str
+    needed: bool
+
+
+TOOLS = (
+    Tool("cmake", "cmake", "building", True),
+    Tool("ninja", "ninja-build", "building", True),
+    Tool("g++", "g++", "building the host", True),
+    Tool("arm-none-eabi-g++", "gcc-arm-none-eabi", "building the firmware", True),
+    Tool("qemu-system-arm", "qemu-system-arm", "the boards mps2_an386 and mps2_an500", True),
+    Tool("clang-format", "clang-format", "only ./run test", False),
+    Tool("clang-tidy", "clang-tidy", "only ./run test without --quick", False),
+    Tool("ccache", "ccache", "only faster building", False),
+)
+
+
+def _version_of(program: str) -> str:
+    """The first number with a dot that the program says of itself."""
+    try:
+        done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=_TIMEOUT_S)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    # In parentheses stands what the packager has added.
+    match = re.search(r"\d+(\.\d+)+", re.sub(r"\(.*?\)", "", done.stdout.partition("\n")[0]))
+    return match[0] if match else ""
+
+
+def check_tool(tool: Tool) -> Check:
+    """Is the program there, and which version?"""
+    path = shutil.which(tool.program)
+    if path is None:
+        return Check(
+            tool.program,
+            False,
+            f"not found; for {tool.purpose}",
+            f"apt-get install {tool.package}",
+            tool.needed,
+        )
+    return Check(tool.program, True, _version_of(path) or "version unknown", needed=tool.needed)
+
+
+def check_host() -> Check:
+    """Is the extension built, and with which message definitions?"""
+    schema = versions.host_schema()
+    if schema is None:
+        remedy = "./run --help builds it" if SOURCE else "install the wheel again"
+        return Check("host", False, f"{__version__}, its extension module cannot be imported", remedy)
+    return Check("host", True, f"{__version__}, message schema {versions.schema_text(schema)}")
+
+
+def check_firmware(firmware: versions.Firmware, host_schema: int | None) -> Check:
+    """Is a board's image there, of the host's version and schema?"""
+    name = f"firmware {firmware.board}"
+    needed = SOURCE is not None or firmware.board == "native"
+    if firmware.version is None:
+        remedy = "./run --help builds it" if SOURCE else "only in the source tree"
+        return Check(name, False, firmware.problem, remedy, needed)
+    found = f"{firmware.version}, message schema {versions.schema_text(firmware.schema)}"
+    if host_schema is not None and firmware.schema != host_schema:
+        wrong = f"{found}: not the host's, {versions.schema_text(host_schema)}"
+        return Check(name, False, wrong, "build both again: ./run --help", needed)
+    if firmware.version != __version__:
+        return Check(name, False, f"{found}: not the host's {__version__}", "build both again: ./run --help", needed)
+    return Check(name, True, found, needed=needed)
+
+
+def pinned_packages(text: str) -> list[tuple[str, str]]:
+    """Names and versions of the lines `pip NAME==VERSION` of dependencies.txt; extras in brackets are left out."""
+    found = re.findall(r"^pip ([\w.-]+)(?:\[[^\]]*\])?==(\S+)", text, re.MULTILINE)
+    return [(name, version) for name, version in found]
+
+
+def check_packages(pinned: Sequence[tuple[str, str]]) -> Iterator[Check]:
+    """One line for all that agree with dependencies.txt, one for each that does not."""
+    agreeing = 0
+    for name, wanted in pinned:
+        try:
+            found = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found = ""
+        if found == wanted:
+            agreeing += 1
+        else:
+            told = f"{found}, pinned is {wanted}" if found else f"not installed, pinned is {wanted}"
+            yield Check(f"Python package {name}", False, told, f"{sys.executable} -m pip install '{name}=={wanted}'")
+    yield Check("Python packages", agreeing > 0, f"{agreeing} of {len(pinned)} as pinned in dependencies.txt")
+
+
+def check_display(environment: dict[str, str]) -> Check:
+    """Could a window be opened?"""
+    name = "display"
+    if wayland := environment.get("WAYLAND_DISPLAY"):
+        return Check(name, True, f"Wayland {wayland}", needed=False)
+    display = environment.get("DISPLAY", "")
+    remedy = "only windows want one: log in graphically, or run under xvfb-run"
+    if not display:
+        return Check(name, False, "DISPLAY is not set", remedy, False)
+    local = re.fullmatch(r"(?:unix)?:(\d+)(?:\.\d+)?", display)
+    if local and not Path(f"/tmp/.X11-unix/X{local[1]}").exists():
+        return Check(name, False, f"DISPLAY is {display}, but no X server listens there", remedy, False)
+    return Check(name, True, display, needed=False)
+
+
+def check_serial_ports() -> Iterator[Check]:
+    """Ports on USB, which may be a board, and whether this user may open them."""
+    try:
+        from serial.tools import list_ports
+    except ImportError:
+        yield Check("serial ports", False, "pyserial is not installed", "pip install pyserial: only for a board", False)
+        return
+    ports = [port for port in list_ports.comports() if port.vid is not None]
+    if not ports:
+        yield Check("serial ports", True, "none on USB; boards in QEMU and native need none", needed=False)
+    for port in ports:
+        name = f"serial port {port.device}"
+        found = f"{port.description} ({port.vid:04x}:{port.pid:04x})"
+        if os.access(port.device, os.R_OK | os.W_OK):
+            yield Check(name, True, found, needed=False)
+        else:
+            group = _group_of(port.device)
+            yield Check(name, False, f"{found}: no permission", f"sudo adduser $USER {group}, then log in again", False)
+
+
+def _group_of(device: str) -> str:
+    import grp
+
+    try:
+        found = os.stat(device)
+        return grp.getgrgid(found.st_gid).gr_name if stat.S_ISCHR(found.st_mode) else "dialout"
+    except (OSError, KeyError):
+        return "dialout"
+
+
+def examine() -> list[Check]:
+    """All checks, in the order in which they are shown."""
+    checks = [Check("python", True, sys.version.split()[0]), check_host()]
+    checks += [check_firmware(firmware, versions.host_schema()) for firmware in versions.all_firmware()]
+    if SOURCE is not None:
+        checks += [check_tool(tool) for tool in TOOLS]
+        checks += check_packages(pinned_packages((SOURCE / "dependencies.txt").read_text("utf-8")))
+    checks.append(check_display(dict(os.environ)))
+    checks += check_serial_ports()
+    return checks
+
+
+def healthy(checks: Sequence[Check]) -> bool:
+    """Nothing that is needed is missing."""
+    return all(check.ok or not check.needed for check in checks)
+
+
+def to_dict(checks: Sequence[Check]) -> dict[str, Any]:
+    """For --json."""
+    schema = versions.host_schema()
+    return {
+        "ok": healthy(checks),
+        "version": __version__,
+        "schema": None if schema is None else versions.schema_text(schema),
+        "checks": [asdict(check) for check in checks],
+    }
+
+
+def format_checks(checks: Sequence[Check]) -> str:
+    """A line for each, and what it comes to."""
+    missing = sum(not check.ok and check.needed for check in checks)
+    wishes = sum(not check.ok and not check.needed for check in checks)
+    verdict = "all that is needed is there" if missing == 0 else f"missing what is needed: {missing}"
+    more = f"; {wishes} more that only some commands want" if wishes else ""
+    return "\n".join([*(check.line() for check in checks), f"palpate doctor: {verdict}{more}"])
