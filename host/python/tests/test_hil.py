@@ -72,7 +72,7 @@ def test_a_board_that_cannot_be_started_is_reported(tmp_path: Path) -> None:
     before = open_descriptors()
     with pytest.raises(BoardError, match=r"none\.elf does not exist: \./run builds it"):
         hil.run_closed_loop(fake_core, {}, board(image=tmp_path / "none.elf"), going_on)
-    missing = hil.BoardType("fake", Path("/bin/sh"), lambda image: ["/nowhere/qemu-system-none"], None)
+    missing = hil.BoardType("fake", Path("/bin/sh"), lambda image: ["/nowhere/qemu-system-none"], None, lambda image: [])
     with pytest.raises(
         BoardError, match=r"cannot start /nowhere/qemu-system-none: No such file or directory"
     ):
