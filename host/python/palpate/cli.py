@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | doctor | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -9,8 +9,11 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NoReturn, TextIO
 
+from palpate.cli_examples import epilog
+from palpate.colour import Colour, paint
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.paths import ROOT, SCENES
@@ -20,6 +23,7 @@ from palpate.summary import board_failures, suspicions
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
+_HELP_WIDTH = 100
 _EPILOG = (
     "exit codes: 0 done; 1 a check or a test failed, or the board did (it latched a fault, say); 2 bad input, with one line that names "
     "file, key, value and allowed range. Scenes: docs/scenes.md. Results: docs/records.md."
@@ -57,7 +61,11 @@ def build_parser() -> argparse.ArgumentParser:
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
         command = commands.add_parser(
-            name, help=text, description=text[0].upper() + text[1:] + ".", epilog=_EPILOG
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=epilog(name, fill(_EPILOG, _HELP_WIDTH)),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.add_argument(
             "--json",
@@ -147,6 +155,8 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
     add_out(bench, "out/frontier")
     add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
+    completion = add("completion", "print a script that completes commands, options and files in a shell")
+    completion.add_argument("shell", choices=("bash", "zsh"), help="for which shell")
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
@@ -270,8 +280,10 @@ def _experiment(arguments: argparse.Namespace) -> int:
     if is_demo:  # there, nothing of the kind is meant
         failures, warnings = failures + warnings, []
     warnings = [*warnings, *outcome.warnings]
-    for message in failures + [f"warning: {warning}" for warning in warnings]:
-        print(f"palpate {arguments.command}: {message}", file=sys.stderr)
+    for message in failures:
+        _tell(f"palpate {arguments.command}: {message}", "red")
+    for message in warnings:
+        _tell(f"palpate {arguments.command}: warning: {message}", "yellow")
     return FAILED if failures else OK
 
 
@@ -348,7 +360,7 @@ def _bench(arguments: argparse.Namespace) -> int:
         print(json.dumps(values, allow_nan=False))
     faults = [point.point.name for point in points if point.metrics["faults"] != 0]
     for name in faults:
-        print(f"palpate bench: {name}: the board latched a fault", file=sys.stderr)
+        _tell(f"palpate bench: {name}: the board latched a fault", "red")
     return FAILED if faults else OK
 
 
@@ -363,14 +375,26 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
     checks = doctor.examine()
     table: TextIO = sys.stderr if arguments.json else sys.stdout
-    print(doctor.format_checks(checks), file=table)
+    print(doctor.format_checks(checks, lambda text, colour: paint(text, colour, table)), file=table)
     if arguments.json:
         print(json.dumps(doctor.to_dict(checks)))
     return OK if doctor.healthy(checks) else FAILED
 
 
+def _completion(arguments: argparse.Namespace) -> int:
+    from palpate import completion
+
+    text = completion.script(build_parser(), arguments.shell)
+    print(json.dumps({"script": text}) if arguments.json else text, end="")
+    return OK
+
+
+def _tell(message: str, colour: Colour) -> None:
+    print(paint(message, colour, sys.stderr), file=sys.stderr)
+
+
 def _complain(arguments: argparse.Namespace, message: str) -> None:
-    print(message, file=sys.stderr)
+    _tell(message, "red")
     if arguments.json:
         print(json.dumps({"error": message}))
 
@@ -385,6 +409,7 @@ def main(argv: Sequence[str]) -> int:
             "reduce": _reduce,
             "bench": _bench,
             "doctor": _doctor,
+            "completion": _completion,
         }
         return commands.get(arguments.command, _experiment)(arguments)
     except SceneError as error:

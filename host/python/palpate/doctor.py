@@ -9,16 +9,23 @@ import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from palpate import __version__, versions
+from palpate.colour import Colour
 from palpate.paths import SOURCE
 
 _TIMEOUT_S = 20.0
+Paint = Callable[[str, Colour], str]
+
+
+def plain(text: str, colour: Colour) -> str:
+    """No colours."""
+    return text
 
 
 @dataclass(frozen=True)
@@ -31,11 +38,11 @@ class Check:
     remedy: str = ""
     needed: bool = True
 
-    def line(self) -> str:
+    def line(self, paint: Paint = plain) -> str:
         """For a person."""
-        state = "ok" if self.ok else "problem"
+        state = paint(f"{'ok' if self.ok else 'problem':<8}", "green" if self.ok else "red" if self.needed else "yellow")
         remedy = f" -> {self.remedy}" if self.remedy else ""
-        return f"{state:<8}{self.name}: {self.found}{remedy}"
+        return f"{state}{self.name}: {self.found}{remedy}"
 
 
 @dataclass(frozen=True)
@@ -205,10 +212,10 @@ def to_dict(checks: Sequence[Check]) -> dict[str, Any]:
     }
 
 
-def format_checks(checks: Sequence[Check]) -> str:
+def format_checks(checks: Sequence[Check], paint: Paint = plain) -> str:
     """A line for each, and what it comes to."""
     missing = sum(not check.ok and check.needed for check in checks)
     wishes = sum(not check.ok and not check.needed for check in checks)
     verdict = "all that is needed is there" if missing == 0 else f"missing what is needed: {missing}"
     more = f"; {wishes} more that only some commands want" if wishes else ""
-    return "\n".join([*(check.line() for check in checks), f"palpate doctor: {verdict}{more}"])
+    return "\n".join([*(check.line(paint) for check in checks), f"palpate doctor: {verdict}{more}"])

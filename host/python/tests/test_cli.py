@@ -13,6 +13,7 @@ import pytest
 from command import ROOT, palpate
 
 from palpate import cli, hil
+from palpate.cli_examples import EXAMPLES
 from palpate.experiment import Outcome
 
 SCENE = ROOT / "scenes/press.toml"
@@ -34,9 +35,12 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 def test_help_lists_the_commands() -> None:
     done = palpate("--help")
     assert done.returncode == 0
-    for command in ("demo", "run", "simulate", "reproduce", "reduce", "bench", "doctor", "test"):
+    for command in ("demo", "run", "simulate", "reproduce", "reduce", "bench", "doctor", "completion", "test"):
         assert re.search(rf"\n    {command}\s", done.stdout)
-        assert palpate(command, "--help").returncode == 0
+        helped = palpate(command, "--help")
+        assert helped.returncode == 0
+        assert f"examples:\n  {EXAMPLES[command][0]}\n" in helped.stdout
+        assert all(len(line) <= 120 for line in helped.stdout.splitlines())
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,25 @@
+"""Examples for the help of each command, as they are typed in the repository; a test runs them or says which test does."""
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "demo": ("./run demo", "./run demo --board native --out out/native"),
+    "run": (
+        "./run run scenes/press.toml --board native",
+        "./run run scenes/press.toml --set contact.friction=0.5 --set model.builder=krylov",
+    ),
+    "simulate": ("./run simulate scenes/wave2d.toml", "./run simulate scenes/press.toml --set duration_s=0.5 --json"),
+    "reproduce": ("./run reproduce fig14", "./run reproduce --hil --out out/hil"),
+    "reduce": (
+        "./run reduce --dim 2 --n 6",
+        "./run reduce --check-locality scenes/reduce/stiff_skin.toml",
+    ),
+    "bench": ("./run bench frontier --quick",),
+    "doctor": ("./run doctor", "./run doctor --json"),
+    "completion": ("source <(./run completion bash)",),
+    "test": ("./run test --quick",),
+}
+
+
+def epilog(command: str, more: str) -> str:
+    """The examples of a command, one a line, and what every help ends with."""
+    lines = "".join(f"  {example}\n" for example in EXAMPLES[command])
+    return f"examples:\n{lines}\n{more}"
