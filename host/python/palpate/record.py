@@ -2,15 +2,17 @@
 
 import csv
 import hashlib
+import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.record_layout import CONTACT_MODES, Dataset
+from palpate.record_layout import BODY, CONTACT_MODES, RUN, SIMULATE, Dataset
 
 Values = Mapping[str, Any]
 _HASH_HEADER = b"palpate record 1\n"
@@ -18,6 +20,27 @@ _HASH_HEADER = b"palpate record 1\n"
 
 class RecordError(ValueError):
     """The values do not fit the layout, or a file is not a record."""
+
+
+class BadRecord(RecordError):
+    """A file that cannot be read as a record; the message names the file and what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a file holds, of a whole or of an interrupted recording.
+
+    values: by path, those datasets of the layout that the file has; all columns of a table have the same rows. closed:
+    False where the recording was interrupted. dropped_rows: by table, where the disk did not keep up.
+    """
+
+    file: Path
+    kind: Literal["run", "simulate"]
+    values: dict[str, NDArray[Any]]
+    scene_text: str
+    attributes: dict[str, Any]
+    closed: bool
+    dropped_rows: dict[str, int]
 
 
 def conform(layout: Sequence[Dataset], values: Values) -> dict[str, NDArray[Any]]:
@@ -110,6 +133,75 @@ def read_record(file: Path, layout: Sequence[Dataset]) -> tuple[dict[str, NDArra
         scene_text = h5["scene"].asstr()[()]
         attributes = dict(h5.attrs.items())
     return conform(layout, values), scene_text, attributes
+
+
+def load(file: Path) -> Record:
+    """Reads a record of any origin: `run`, `simulate`, a Recorder's; the body may be missing from the latter.
+
+    Raises BadRecord: one line that names the file and what is missing.
+    """
+    try:
+        with _open(file) as h5:
+            return _load(file, h5)
+    except RecordError as error:
+        raise BadRecord(f"{file}: {error}") from None
+
+
+def _open(file: Path) -> h5py.File:
+    if not file.is_file():
+        raise RecordError("no such file: must be a record (docs/records.md)")
+    if not os.access(file, os.R_OK):
+        raise RecordError("may not be read")
+    if not h5py.is_hdf5(file):
+        raise RecordError("not HDF5: must be a record (docs/records.md)")
+    try:
+        return h5py.File(file, "r")
+    except OSError as error:
+        problem = " ".join(str(error).split())
+    if "already open for write" in problem or "unable to lock" in problem:  # being written, or its writer was killed
+        try:
+            return h5py.File(file, "r", swmr=True)
+        except OSError as error:
+            problem = " ".join(str(error).split())
+    raise RecordError(f"HDF5 that cannot be opened: {problem}")
+
+
+def _load(file: Path, h5: h5py.File) -> Record:
+    if "scene" not in h5:
+        raise RecordError("has no /scene: not a record of palpate")
+    if "ticks/tick" in h5:
+        kind: Literal["run", "simulate"] = "run"
+    elif "nodes/time_s" in h5:
+        kind = "simulate"
+    else:
+        raise RecordError("has neither /ticks/tick nor /nodes/time_s: not a record of palpate")
+    layout = RUN if kind == "run" else SIMULATE
+    attributes = dict(h5.attrs.items())
+    values = {}
+    for dataset in layout:
+        if dataset.path in h5:
+            # A recorder's columns may be longer by a block that was being written: so many rows are whole.
+            rows = attributes.get(dataset.shape[0]) if dataset.shape and "closed" in attributes else None
+            values[dataset.path] = _read(h5, dataset.path, None if rows is None else int(rows))
+    dropped = {
+        name.removeprefix("dropped_"): int(value) for name, value in attributes.items() if name.startswith("dropped_")
+    }
+    return Record(
+        file,
+        kind,
+        conform([replace(dataset, optional=dataset.optional or dataset in BODY) for dataset in layout], values),
+        _read(h5, "scene", None).decode("utf-8"),
+        attributes,
+        bool(attributes.get("closed", 1)),
+        dropped,
+    )
+
+
+def _read(h5: h5py.File, path: str, rows: int | None) -> Any:
+    try:
+        return h5[path][()] if rows is None else h5[path][:rows]
+    except (OSError, KeyError, AttributeError, TypeError):  # the chunk is beyond the end of the file, or it is no dataset
+        raise RecordError(f"/{path} cannot be read: the file is cut short or damaged") from None
 
 
 def write_tip_csv(
