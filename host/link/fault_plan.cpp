@@ -9,7 +9,11 @@
 namespace palpate::link {
 namespace {
 
-// What becomes of a frame (without delimiters, not empty), its last delimiter included.
+bool comes_late(FaultKind kind) {
+  return kind == FaultKind::duplicate || kind == FaultKind::reorder;
+}
+
+// What becomes at once of a frame (without delimiters, not empty), its last delimiter included.
 std::vector<std::uint8_t> spoil(std::vector<std::uint8_t> frame, const Fault& fault) {
   switch (fault.kind) {
     case FaultKind::drop:
@@ -23,13 +27,11 @@ std::vector<std::uint8_t> spoil(std::vector<std::uint8_t> frame, const Fault& fa
       frame.push_back(wire::kCobsDelimiter);
       return frame;
     }
-    case FaultKind::duplicate: {
+    case FaultKind::duplicate:
       frame.push_back(wire::kCobsDelimiter);
-      const std::size_t length = frame.size();
-      frame.resize(2 * length);
-      std::copy_n(frame.begin(), length, frame.begin() + static_cast<std::ptrdiff_t>(length));
       return frame;
-    }
+    case FaultKind::reorder:
+      return {};
   }
   throw std::invalid_argument("FaultPlan: unknown fault kind " +
                               std::to_string(static_cast<int>(fault.kind)));
@@ -38,10 +40,14 @@ std::vector<std::uint8_t> spoil(std::vector<std::uint8_t> frame, const Fault& fa
 }  // namespace
 
 FaultPlan::FaultPlan(std::span<const Fault> faults) {
-  for (const Fault& fault : faults)
+  for (const Fault& fault : faults) {
     if (!faults_.emplace(fault.frame, fault).second)
       throw std::invalid_argument("FaultPlan: frame " + std::to_string(fault.frame) +
                                   " has two faults; 1 is allowed");
+    if (fault.kind == FaultKind::reorder && fault.argument == 0)
+      throw std::invalid_argument("FaultPlan: frame " + std::to_string(fault.frame) +
+                                  " is to come behind 0 frames; at least 1 is allowed");
+  }
 }
 
 std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) {
@@ -55,6 +61,11 @@ std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) 
       continue;
     }
     if (in_frame_ && planned != faults_.end()) {
+      if (comes_late(planned->second.kind)) {
+        std::vector<std::uint8_t> late = held_;
+        late.push_back(wire::kCobsDelimiter);
+        late_.emplace(frame_ + planned->second.argument, std::move(late));
+      }
       const std::vector<std::uint8_t> spoilt = spoil(std::move(held_), planned->second);
       out.insert(out.end(), spoilt.begin(), spoilt.end());
       held_.clear();
@@ -62,7 +73,11 @@ std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) 
     } else {
       out.push_back(byte);
     }
-    if (in_frame_) ++frame_;
+    if (in_frame_) {
+      for (auto late = late_.begin(); late != late_.end() && late->first <= frame_; late = late_.erase(late))
+        out.insert(out.end(), late->second.begin(), late->second.end());
+      ++frame_;
+    }
     in_frame_ = false;
   }
   return out;

@@ -13,7 +13,8 @@ enum class FaultKind : std::uint8_t {
   drop,       // the frame vanishes
   flip_bit,   // bit `argument` of it, modulo its length, is inverted
   truncate,   // only its first `argument` bytes come, no delimiter behind them
-  duplicate,  // it comes twice
+  duplicate,  // it comes again, behind the next `argument` frames
+  reorder,    // it comes behind the next `argument` frames, 1 at least
 };
 
 // A fault of one frame. Frames are numbered from 0 as they pass; a frame is what stands between delimiters.
@@ -24,11 +25,12 @@ struct Fault {
 };
 
 // A filter between a sender and its medium: the same bytes in give the same bytes out, however they are cut.
-// Bytes of a planned frame are held back until its end; all others pass at once.
+// Bytes of a planned frame are held back until its end; all others pass at once. What is to come behind
+// frames that never come does not come either.
 class FaultPlan {
  public:
   FaultPlan() = default;
-  // Throws std::invalid_argument when a frame has two faults.
+  // Throws std::invalid_argument when a frame has two faults, or is to be reordered behind no frame.
   explicit FaultPlan(std::span<const Fault> faults);
 
   std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes);
@@ -40,6 +42,7 @@ class FaultPlan {
   std::uint64_t frame_ = 0;  // number of the frame at hand
   bool in_frame_ = false;
   std::vector<std::uint8_t> held_;
+  std::multimap<std::uint64_t, std::vector<std::uint8_t>> late_;  // by the frame that they come behind
   std::uint64_t faults_applied_ = 0;
 };
 

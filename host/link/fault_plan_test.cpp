@@ -36,11 +36,24 @@ TEST(FaultPlan, EachKindHitsItsFrameOnly) {
   EXPECT_EQ(apply({2, FaultKind::truncate, 1}), (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 0, 9, 0}));
   EXPECT_EQ(apply({3, FaultKind::duplicate, 0}),
             (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 0, 9, 0, 9, 0}));
+  EXPECT_EQ(apply({0, FaultKind::duplicate, 2}),
+            (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 1, 2, 3, 0, 0, 9, 0}));
+  EXPECT_EQ(apply({0, FaultKind::reorder, 1}), (Bytes{0, 0, 4, 5, 0, 1, 2, 3, 0, 0, 6, 7, 8, 0, 0, 9, 0}));
+  EXPECT_EQ(apply({1, FaultKind::reorder, 2}), (Bytes{0, 1, 2, 3, 0, 0, 0, 6, 7, 8, 0, 0, 9, 0, 4, 5, 0}));
+}
+
+TEST(FaultPlan, WhatIsToComeBehindFramesThatNeverComeIsLost) {
+  EXPECT_EQ(apply({3, FaultKind::reorder, 1}), (Bytes{0, 1, 2, 3, 0, 0, 4, 5, 0, 0, 6, 7, 8, 0, 0}));
+}
+
+TEST(FaultPlan, AFrameComesLateBehindOneThatIsSpoilt) {
+  const std::array<Fault, 2> faults{Fault{0, FaultKind::reorder, 1}, Fault{1, FaultKind::drop, 0}};
+  EXPECT_EQ(FaultPlan(faults).apply(kStream), (Bytes{0, 0, 1, 2, 3, 0, 0, 6, 7, 8, 0, 0, 9, 0}));
 }
 
 TEST(FaultPlan, CuttingDoesNotMatter) {
-  const std::array<Fault, 3> faults{Fault{0, FaultKind::duplicate, 0}, Fault{2, FaultKind::truncate, 2},
-                                    Fault{3, FaultKind::flip_bit, 3}};
+  const std::array<Fault, 4> faults{Fault{0, FaultKind::duplicate, 0}, Fault{1, FaultKind::reorder, 1},
+                                    Fault{2, FaultKind::truncate, 2}, Fault{3, FaultKind::flip_bit, 3}};
   const Bytes whole = FaultPlan(faults).apply(kStream);
   for (std::size_t run = 1; run < kStream.size(); ++run) {
     FaultPlan plan(faults);
@@ -65,6 +78,8 @@ TEST(FaultPlan, BytesOfOtherFramesPassAtOnce) {
 TEST(FaultPlan, OneFaultAFrame) {
   const std::array<Fault, 2> faults{Fault{7, FaultKind::drop, 0}, Fault{7, FaultKind::truncate, 2}};
   EXPECT_THROW(FaultPlan{faults}, std::invalid_argument);
+  const Fault behind_none{7, FaultKind::reorder, 0};
+  EXPECT_THROW(FaultPlan{std::span(&behind_none, 1)}, std::invalid_argument);
 }
 
 }  // namespace

@@ -118,6 +118,7 @@ class Host {
     // A frame that is refused for its CRC leaves a gap in the transfer identifiers too: the gaps count both.
     result_.counters.frames_lost_up = counters.frames_lost + counters.payloads_malformed;
     result_.counters.frames_lost_down = board_lost_;
+    result_.counters.frames_repeated_up = counters.frames_repeated;
     result_.counters.basis_waits = session_.basis_waits();
     result_.bases = session_.builder().bases();
     if (config_.probe_node) result_.probe = replay(recorded, *config_.probe_node);

@@ -143,6 +143,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
   result["frames_lost_down"] = run.counters.frames_lost_down;
   result["frames_lost_up"] = run.counters.frames_lost_up;
+  result["frames_repeated_up"] = run.counters.frames_repeated_up;
   result["models_sent"] = run.counters.models_sent;
   result["models_taken"] = run.counters.models_taken;
   result["models_refused"] = run.counters.models_refused;

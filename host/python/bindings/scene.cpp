@@ -39,14 +39,20 @@ T choice(const std::string& value, const char* key,
   throw std::invalid_argument(std::string(key) + " = \"" + value + "\": not known to the core");
 }
 
-std::vector<link::Fault> faults(const nb::dict& table, const char* drop, const char* flip) {
+// way: "down" or "up".
+std::vector<link::Fault> faults(const nb::dict& table, const std::string& way) {
   std::vector<link::Fault> faults;
-  for (const std::uint32_t frame : whole_list(table, drop))
+  for (const std::uint32_t frame : whole_list(table, ("drop_" + way).c_str()))
     faults.push_back({frame, link::FaultKind::drop, 0});
-  for (const nb::handle entry : nb::object(table[flip])) {
-    const auto fields = nb::cast<nb::dict>(entry);
-    faults.push_back({whole(fields, "frame"), link::FaultKind::flip_bit, whole(fields, "bit")});
-  }
+  const auto add = [&](const char* key, link::FaultKind kind, const char* argument) {
+    for (const nb::handle entry : nb::object(table[(key + way).c_str()])) {
+      const auto fields = nb::cast<nb::dict>(entry);
+      faults.push_back({whole(fields, "frame"), kind, whole(fields, argument)});
+    }
+  };
+  add("flip_", link::FaultKind::flip_bit, "bit");
+  add("duplicate_", link::FaultKind::duplicate, "behind");
+  add("reorder_", link::FaultKind::reorder, "behind");
   return faults;
 }
 
@@ -259,8 +265,8 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   if (text(board, "name") == "mps2_an500") config.catch_up_policy = firmware::kCatchUpCortexM7;
   config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
-  config.faults_down = faults(link_faults, "drop_down", "flip_down");
-  config.faults_up = faults(link_faults, "drop_up", "flip_up");
+  config.faults_down = faults(link_faults, "down");
+  config.faults_up = faults(link_faults, "up");
   return config;
 }
 

@@ -267,6 +267,7 @@ RUN_COUNTERS = {
     "clock_Hz": "clock of tick_count and busy_count; 0 where the board has none",
     "frames_lost_down": "frames to the board that were lost or refused",
     "frames_lost_up": "frames to the host that were lost or refused",
+    "frames_repeated_up": "frames to the host that came twice, one right behind the other; the second one was ignored",
     "models_sent": "local models that the host sent",
     "models_taken": "local models that the board took over",
     "models_refused": "local models that the board refused or dropped",

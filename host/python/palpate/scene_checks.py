@@ -10,10 +10,10 @@ from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_schema import Reader, SceneError
 from palpate.scene_sections import (
     TICK_S,
-    BitFlip,
     Contact,
     FrictionRegion,
     Hand,
+    LinkFaults,
     Outputs,
     Path,
     SceneFile,
@@ -57,9 +57,8 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
             scene.link.trace,
             '"full" where model.feedback = "paper": the host repeats the board\'s rendering, to the bit',
         )
-    faults = scene.link.faults
-    _check_link_faults(reader, "down", faults.drop_down, faults.flip_down)
-    _check_link_faults(reader, "up", faults.drop_up, faults.flip_up)
+    for way in ("down", "up"):
+        _check_link_faults(reader, way, scene.link.faults)
     _check_step(reader, "reference.step_s", scene.reference.step_s)
     _check_outputs(reader, scene.outputs, scene)
 
@@ -332,9 +331,11 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
         )
 
 
-def _check_link_faults(reader: Reader, way: str, drops: tuple[int, ...], flips: tuple[BitFlip, ...]) -> None:
-    named = [(f"link.faults.drop_{way}[{i}]", frame) for i, frame in enumerate(drops)]
-    named += [(f"link.faults.flip_{way}[{i}].frame", flip.frame) for i, flip in enumerate(flips)]
+def _check_link_faults(reader: Reader, way: str, faults: LinkFaults) -> None:
+    named = [(f"link.faults.drop_{way}[{i}]", frame) for i, frame in enumerate(getattr(faults, f"drop_{way}"))]
+    for kind in ("flip", "duplicate", "reorder"):
+        tables = getattr(faults, f"{kind}_{way}")
+        named += [(f"link.faults.{kind}_{way}[{i}].frame", fault.frame) for i, fault in enumerate(tables)]
     seen: set[int] = set()
     for where, frame in named:
         if frame in seen:

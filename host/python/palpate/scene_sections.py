@@ -342,6 +342,22 @@ class BitFlip:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Copy:
+    """A frame that comes twice."""
+
+    frame: int = key(Integer(0, MAX_FRAME), "number of the frame in its direction, from 0")
+    behind: int = key(Integer(0, 1000), "its copy comes behind so many of the next frames", default=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LateFrame:
+    """A frame that others overtake."""
+
+    frame: int = key(Integer(0, MAX_FRAME), "number of the frame in its direction, from 0")
+    behind: int = key(Integer(1, 1000), "it comes behind so many of the next frames", default=1)
+
+
+@dataclass(frozen=True, kw_only=True)
 class LinkFaults:
     """Faults on the link, for tests. "down" is from host to board, "up" from board to host."""
 
@@ -360,6 +376,18 @@ class LinkFaults:
     )
     flip_up: tuple[BitFlip, ...] = key(
         TablesOf(BitFlip, 100_000), "bits that flip in frames to the host", default=()
+    )
+    duplicate_down: tuple[Copy, ...] = key(
+        TablesOf(Copy, 100_000), "frames to the board that come twice", default=()
+    )
+    duplicate_up: tuple[Copy, ...] = key(
+        TablesOf(Copy, 100_000), "frames to the host that come twice", default=()
+    )
+    reorder_down: tuple[LateFrame, ...] = key(
+        TablesOf(LateFrame, 100_000), "frames to the board that come behind later ones", default=()
+    )
+    reorder_up: tuple[LateFrame, ...] = key(
+        TablesOf(LateFrame, 100_000), "frames to the host that come behind later ones", default=()
     )
 
 

@@ -126,6 +126,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "clock_Hz": 25_000_000,
         "frames_lost_down": 0,
         "frames_lost_up": 0,
+        "frames_repeated_up": 0,
         "models_sent": updates,
         "models_taken": updates,
         "models_refused": 0,

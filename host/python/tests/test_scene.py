@@ -565,6 +565,14 @@ BAD = {
         GOOD + "[link.faults]\ndrop_down = [1]\nflip_down = [{ frame = 1, bit = 0 }]",
         "scene.toml: link.faults.flip_down[0].frame = 1: must be a frame that has no fault yet",
     ),
+    "a frame that comes twice and late": (
+        GOOD + "[link.faults]\nduplicate_up = [{ frame = 1 }]\nreorder_up = [{ frame = 1 }]",
+        "scene.toml: link.faults.reorder_up[0].frame = 1: must be a frame that has no fault yet",
+    ),
+    "a frame that comes behind none": (
+        GOOD + "[link.faults]\nreorder_down = [{ frame = 1, behind = 0 }]",
+        "scene.toml: link.faults.reorder_down[0].behind = 0: must be a whole number in [1, 1000]",
+    ),
     "export after the end": (
         GOOD + "[outputs]\nnode_times_s = [0.0, 1.5]",
         "scene.toml: outputs.node_times_s[1] = 1.5: must be in [0, 1] s, the duration",
