@@ -1,13 +1,27 @@
 #include "host/plant/plant.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
 
 #include "host/plant/check.hpp"
+#include "shared/servo_tick.hpp"
 
 namespace palpate::plant {
+namespace {
+
+constexpr double kLongest_s = 1.0;  // a call of advance()
+
+int substeps(double duration_s, double substep_s) {
+  // Rounding in duration / substep must not add a substep.
+  constexpr double kRounding = 1e-9;
+  return static_cast<int>(std::ceil(duration_s / substep_s - kRounding));
+}
+
+}  // namespace
 
 Plant::Plant(const PlantParameters& parameters, TipPath intended)
     : hand_kind_(parameters.hand_kind),
@@ -22,6 +36,38 @@ Plant::Plant(const PlantParameters& parameters, TipPath intended)
   const Vec3d start_m = intended_.at(0.0).position_m;
   state_.joint_rad = arm_.joint_angles_rad(start_m, "start of the tip path");
   state_.hand.position_m = start_m;
+}
+
+Plant::Plant(const PlantParameters& parameters, RecordedMotion recorded)
+    : hand_kind_(HandKind::recorded),
+      arm_(parameters.arm),
+      amplifiers_(parameters.amplifiers),
+      hand_(parameters.hand),
+      intended_(TipPath::samples({{0.0, {}}})),
+      encoder_reference_(parameters.encoder_reference),
+      // The currents of then, to the bit, come from the steps of then.
+      substep_s_(parameters.hand_kind == HandKind::scripted ? kLongest_s : parameters.substep_s),
+      recorded_(std::move(recorded)) {
+  if (recorded_.encoder_count.empty() || recorded_.encoder_count.size() != recorded_.tip_m.size()) {
+    std::ostringstream message;
+    message << "recorded motion has " << recorded_.encoder_count.size() << " encoder readings and "
+            << recorded_.tip_m.size() << " tip positions, allowed: as many, at least 1";
+    throw std::invalid_argument(message.str());
+  }
+  set_grip(parameters.grip);
+}
+
+std::size_t Plant::recorded_tick() const {
+  return std::min(static_cast<std::size_t>(std::lround(time_s_ / kTick_s)), recorded_.tip_m.size() - 1);
+}
+
+Vec3d Plant::tip_position_m() const {
+  return hand_kind_ == HandKind::recorded ? recorded_.tip_m[recorded_tick()]
+                                          : arm_.tip_position_m(state_.joint_rad);
+}
+
+Vec3d Plant::intended_position_m() const {
+  return hand_kind_ == HandKind::recorded ? tip_position_m() : intended_.at(time_s_).position_m;
 }
 
 void Plant::set_grip(double grip) {
@@ -68,9 +114,7 @@ void Plant::substep(double step_s) {
 }
 
 void Plant::integrate(double duration_s) {
-  // Rounding in duration / substep must not add a substep.
-  constexpr double kRounding = 1e-9;
-  const auto steps = static_cast<int>(std::ceil(duration_s / substep_s_ - kRounding));
+  const int steps = substeps(duration_s, substep_s_);
   const double end_s = time_s_ + duration_s;
   for (int step = 0; step < steps; ++step) substep(duration_s / steps);
   time_s_ = end_s;  // not the sum of the substeps, whose rounding would add up
@@ -89,15 +133,27 @@ void Plant::follow_script(double duration_s) {
   state_.hand = {there.position_m, there.velocity_m_s};
 }
 
+void Plant::go_on_in_record(double duration_s) {
+  const int steps = substeps(duration_s, substep_s_);
+  for (int step = 0; step < steps; ++step) amplifiers_.advance(duration_s / steps);
+  time_s_ += duration_s;
+}
+
 void Plant::advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s) {
-  require_range("plant duration_s", duration_s, 1e-6, 1.0);
+  require_range("plant duration_s", duration_s, 1e-6, kLongest_s);
   amplifiers_.command({static_cast<double>(setpoint_A[0]), static_cast<double>(setpoint_A[1]),
                        static_cast<double>(setpoint_A[2])},
                       enabled);
-  if (hand_kind_ == HandKind::scripted) {
-    follow_script(duration_s);
-  } else {
-    integrate(duration_s);
+  switch (hand_kind_) {
+    case HandKind::scripted:
+      follow_script(duration_s);
+      break;
+    case HandKind::recorded:
+      go_on_in_record(duration_s);
+      break;
+    case HandKind::impedance:
+      integrate(duration_s);
+      break;
   }
   if (!is_finite(state_.joint_rad) || !is_finite(state_.joint_rad_s) || !is_finite(state_.hand.position_m) ||
       !is_finite(state_.hand.velocity_m_s)) {
@@ -109,6 +165,7 @@ void Plant::advance(const std::array<float, 3>& setpoint_A, bool enabled, double
 }
 
 device::EncoderCounts Plant::encoder_counts() const {
+  if (hand_kind_ == HandKind::recorded) return recorded_.encoder_count[recorded_tick()];
   device::EncoderCounts count = arm_.encoder_counts(state_.joint_rad);
   for (std::size_t i = 0; i < 3; ++i)  // counters wrap around
     count[i] = static_cast<std::int32_t>(static_cast<std::uint32_t>(count[i]) +
@@ -122,6 +179,10 @@ std::array<float, 3> Plant::measured_current_A() const {
 }
 
 Vec3d Plant::hand_force_N() const {
+  if (hand_kind_ == HandKind::recorded) {
+    constexpr double kNobody = std::numeric_limits<double>::quiet_NaN();
+    return {kNobody, kNobody, kNobody};
+  }
   if (hand_kind_ == HandKind::scripted) {
     const Vec3d torque_N_m = arm_.mass_matrix_kg_m2(state_.joint_rad) * joint_rad_s2_ +
                              arm_.coriolis_torque_N_m(state_.joint_rad, state_.joint_rad_s) +

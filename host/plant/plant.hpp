@@ -7,6 +7,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <vector>
 
 #include "host/plant/amplifiers.hpp"
 #include "host/plant/arm_plant.hpp"
@@ -23,6 +25,15 @@ enum class HandKind {
   // The tip is where the path is, whatever the motors do: the programmed motion of Jacobs, Fu, Cavusoglu
   // 2010, section 5.1.
   scripted,
+  // The tip is where it was in an earlier run, and the board reads what it read then (RecordedMotion).
+  recorded,
+};
+
+// What a board read and where the tip was in each servo tick of an earlier run, from tick 0 on; then the last
+// one.
+struct RecordedMotion {
+  std::vector<device::EncoderCounts> encoder_count;
+  std::vector<Vec3d> tip_m;  // device frame
 };
 
 struct PlantParameters {
@@ -42,6 +53,11 @@ class Plant {
   // At time 0, at rest, the tip where the path has it at time 0, held there by the hand. Throws
   // std::invalid_argument for parameters out of range and for a start outside the arm's workspace.
   Plant(const PlantParameters& parameters, TipPath intended);
+  // Of the kind `recorded`; parameters.hand_kind is what moved the tip then. Only the motors' currents are
+  // simulated, in the steps of then: a board that gives the set-points of then reads the currents of then, to
+  // the bit. Throws std::invalid_argument for parameters out of range, for no tick, or for other than as many
+  // positions as counts.
+  Plant(const PlantParameters& parameters, RecordedMotion recorded);
 
   // Lets duration_s > 0 pass, usually one servo tick, with constant set-points; enabled false means no
   // current. Throws std::invalid_argument for set-points that are not finite, a duration out of range, or a
@@ -55,18 +71,19 @@ class Plant {
   // What a board reads.
   [[nodiscard]] device::EncoderCounts encoder_counts() const;
   [[nodiscard]] std::array<float, 3> measured_current_A() const;
-  // The truth behind it.
+  // The truth behind it; of a recorded motion the joints are not known.
   [[nodiscard]] const Vec3d& joint_rad() const { return state_.joint_rad; }
   [[nodiscard]] const Vec3d& joint_rad_s() const { return state_.joint_rad_s; }
-  [[nodiscard]] Vec3d tip_position_m() const { return arm_.tip_position_m(state_.joint_rad); }
+  [[nodiscard]] Vec3d tip_position_m() const;
   [[nodiscard]] Vec3d tip_velocity_m_s() const {
     return arm_.jacobian_m(state_.joint_rad) * state_.joint_rad_s;
   }
   [[nodiscard]] const Vec3d& hand_position_m() const { return state_.hand.position_m; }
-  [[nodiscard]] Vec3d intended_position_m() const { return intended_.at(time_s_).position_m; }
+  // Recorded: where the tip was.
+  [[nodiscard]] Vec3d intended_position_m() const;
   // Of the hand on the tool; the hand feels the opposite. Scripted: the force that it takes to hold the tip
   // on the path against the arm's inertia, weight and friction and the motors, with the joints' mean
-  // acceleration since the call of advance() before.
+  // acceleration since the call of advance() before. Recorded: NaN, nobody holds it.
   [[nodiscard]] Vec3d hand_force_N() const;
   [[nodiscard]] double grip() const { return grip_; }
   [[nodiscard]] const ArmPlant& arm() const { return arm_; }
@@ -80,6 +97,8 @@ class Plant {
   void substep(double step_s);
   void integrate(double duration_s);
   void follow_script(double duration_s);
+  void go_on_in_record(double duration_s);
+  [[nodiscard]] std::size_t recorded_tick() const;
 
   HandKind hand_kind_;
   ArmPlant arm_;
@@ -92,6 +111,7 @@ class Plant {
   double time_s_ = 0.0;
   State state_{};
   Vec3d joint_rad_s2_{};  // scripted: mean over the last advance()
+  RecordedMotion recorded_{};
 };
 
 }  // namespace palpate::plant

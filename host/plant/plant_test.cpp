@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "shared/device/actuation.hpp"
 #include "shared/device/arm.hpp"
@@ -284,6 +287,53 @@ TEST(ScriptedTip, MayNotLeaveTheWorkspace) {
         for (int tick = 0; tick < 100; ++tick) plant.advance(kNoCurrent, false, kTick_s);
       },
       std::invalid_argument);
+}
+
+// The board's inputs of then: counts by definition, currents because set-points and steps are those of then.
+TEST(RecordedMotion, GivesTheBoardWhatItReadThen) {
+  for (const HandKind kind : {HandKind::impedance, HandKind::scripted}) {
+    PlantParameters parameters;
+    parameters.hand_kind = kind;
+    parameters.encoder_reference = {100, -200, std::numeric_limits<std::int32_t>::max() - 3};
+    Plant plant(parameters, TipPath::minimum_jerk({{0.0, {}}, {0.2, {0.02, 0.01, 0.03}}}));
+    RecordedMotion motion;
+    std::vector<std::array<float, 3>> current_A;
+    constexpr int kTicks = 200;
+    const auto setpoint_A = [](int tick) {
+      return std::array<float, 3>{0.01f * static_cast<float>(tick), 0.2f, -0.3f};
+    };
+    for (int tick = 0; tick < kTicks; ++tick) {
+      motion.encoder_count.push_back(plant.encoder_counts());
+      motion.tip_m.push_back(plant.tip_position_m());
+      current_A.push_back(plant.measured_current_A());
+      plant.advance(setpoint_A(tick), tick > 50, kTick_s);
+    }
+    Plant again(parameters, motion);
+    for (int tick = 0; tick < kTicks; ++tick) {
+      const auto row = static_cast<std::size_t>(tick);
+      EXPECT_EQ(again.encoder_counts(), motion.encoder_count[row]);
+      EXPECT_EQ(again.tip_position_m(), motion.tip_m[row]);
+      EXPECT_EQ(again.intended_position_m(), motion.tip_m[row]);
+      EXPECT_EQ(again.measured_current_A(), current_A[row]);
+      EXPECT_TRUE(std::isnan(again.hand_force_N().x));
+      again.advance(setpoint_A(tick), tick > 50, kTick_s);
+    }
+  }
+}
+
+TEST(RecordedMotion, IsFoundByTheTickAndRestsAtItsEnd) {
+  Plant plant(PlantParameters{},
+              RecordedMotion{{{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}, {{}, {}, {0.0, 0.0, 0.1}}});
+  plant.advance(kNoCurrent, false, 2.0 * kTick_s);  // over a tick that the board lost
+  EXPECT_EQ(plant.encoder_counts()[0], 3);
+  plant.advance(kNoCurrent, false, kTick_s);
+  EXPECT_EQ(plant.encoder_counts()[0], 3);
+  EXPECT_EQ(plant.tip_position_m().z, 0.1);
+}
+
+TEST(RecordedMotion, RefusesBadInput) {
+  EXPECT_THROW(Plant(PlantParameters{}, RecordedMotion{}), std::invalid_argument);
+  EXPECT_THROW(Plant(PlantParameters{}, RecordedMotion{{{1, 2, 3}}, {}}), std::invalid_argument);
 }
 
 TEST(Plant, TwoRunsAreEqualToTheBit) {

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <string>
+#include <utility>
 
 #include "host/link/uart.hpp"
 #include "host/python/bindings/arrays.hpp"
@@ -107,6 +108,27 @@ void require_reach(const nb::dict& scene, const plant::PlantParameters& paramete
   }
 }
 
+// As the scene's hand moves it, or as it was moved in the run of which `recorded` are encoder_count and
+// tip_m.
+plant::Plant read_moved_plant(const nb::dict& scene, const plant::PlantParameters& parameters) {
+  if (!scene.contains("recorded")) {
+    require_reach(scene, parameters);
+    return {parameters, read_path(scene)};
+  }
+  const nb::dict recorded = table(scene, "recorded");
+  const auto count =
+      nb::cast<nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>>(
+          recorded["encoder_count"]);
+  const auto tip_m =
+      nb::cast<nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>>(recorded["tip_m"]);
+  plant::RecordedMotion motion;
+  for (std::size_t i = 0; i < count.shape(0); ++i)
+    motion.encoder_count.push_back({count.data()[3 * i], count.data()[3 * i + 1], count.data()[3 * i + 2]});
+  for (std::size_t i = 0; i < tip_m.shape(0); ++i)
+    motion.tip_m.push_back({tip_m.data()[3 * i], tip_m.data()[3 * i + 1], tip_m.data()[3 * i + 2]});
+  return {parameters, std::move(motion)};
+}
+
 }  // namespace
 
 nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, const nb::callable& progress,
@@ -115,8 +137,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   const host::BodyState start = read_start(scene, body);
   const host::ClosedLoopConfig config = read_closed_loop(scene, body, cache_folder);
   const plant::PlantParameters parameters = read_plant(scene);
-  require_reach(scene, parameters);
-  plant::Plant plant(parameters, read_path(scene));
+  plant::Plant plant = read_moved_plant(scene, parameters);
   const nb::dict link = table(scene, "link");
   link::Uart down(whole(link, "baud"), whole(link, "queue_bytes")),
       up(whole(link, "baud"), whole(link, "queue_bytes"));
