@@ -1,5 +1,6 @@
 // The firmware on QEMU's MPS2 boards: interrupt handlers, fault report and main loop.
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "boards/lockstep/emulated_board.hpp"
@@ -19,6 +20,11 @@ using App = palpate::firmware::App<Board>;
 constexpr palpate::firmware::BoardIdentity kIdentity{palpate::board::kBoardName, PALPATE_VERSION};
 
 [[gnu::section(".exchange")]] palpate::board::ExchangeFrames exchange_frames;
+
+// Bases, models in their slots, a waiting state and the tip's history: 112,520 bytes on both boards. The goal of
+// 96 KiB is missed; what it would cost: docs/decisions/larger_part.md.
+constexpr std::size_t kModelBufferBudget_bytes = 110 * 1024;
+static_assert(sizeof(palpate::firmware::Renderer) <= kModelBufferBudget_bytes);
 
 // Set once before the interrupts come on.
 palpate::board::Mps2Platform* platform = nullptr;
