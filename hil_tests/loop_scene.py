@@ -94,10 +94,11 @@ def run(folder: pathlib.Path, text: str) -> Run:
     return Run(outcome.summary, read_record(outcome.files["record.h5"]))
 
 
-def command_line(folder: pathlib.Path, command: str, text: str, *options: str) -> subprocess.CompletedProcess:
+def command_line(folder: pathlib.Path, command: str, text: str, *options: str, argument: str = "scene.toml",
+                 out: str = "out") -> subprocess.CompletedProcess:
     """`palpate run|simulate scene.toml --out out --json` in a process of its own, in that folder."""
     (folder / "scene.toml").write_text(text)
     return subprocess.run(
-        [sys.executable, "-m", "palpate", command, "scene.toml", "--out", "out", "--json", *options],
+        [sys.executable, "-m", "palpate", command, argument, "--out", out, "--json", *options],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT / "host/python"), "MPLBACKEND": "Agg"},
         capture_output=True, text=True, timeout=300, check=False)

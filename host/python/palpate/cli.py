@@ -17,6 +17,7 @@ from palpate.colour import Colour, paint
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.paths import ROOT, SCENES
+from palpate.record import BadRecord
 from palpate.scene import Scene, SceneError, load_scene
 from palpate.scene_overrides import parse_override
 from palpate.summary import board_failures, suspicions
@@ -133,6 +134,17 @@ def build_parser() -> argparse.ArgumentParser:
     add_scene(run_command)
     add_out(run_command, "out/<name of the scene>")
     add_board(run_command)
+    replay = add("replay", "run the firmware again on a recorded tip path, with what --set changes, and compare")
+    replay.add_argument("file", type=Path, metavar="FILE", help="record.h5 of run, demo, replay or gui; may be interrupted")
+    add_set(replay)
+    add_board(replay)
+    add_out(replay, "out/replay")
+    replay.add_argument(
+        "--tolerance-N",
+        type=float,
+        metavar="X",
+        help="exit code 1 where the force differs by more than X newtons in any tick (default: it may)",
+    )
     simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
     add_scene(simulate_command)
     add_out(simulate_command, "out/<name of the scene>")
@@ -184,16 +196,22 @@ def _progress(label: str, unit: str) -> Iterator[ProgressBar]:
 def _format(value: Any) -> str:
     if value is None:
         return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(_format, value)) or "nothing"
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_format(item)}" for name, item in value.items())
-    if isinstance(value, bool | str):
-        return str(value)
+    if isinstance(value, str):
+        return value
     if isinstance(value, int):
         return f"{value:,}"
     return f"{value:,.4g}" if abs(value) < 1000 else f"{value:,.0f}"
 
 
 _ROWS = {
+    "source": ("record", ""),
+    "changes": ("changed", ""),
     "board": ("board", ""),
     "ticks": ("servo ticks (1 kHz virtual time)", ""),
     "missed_deadlines": ("missed deadlines", ""),
@@ -217,6 +235,14 @@ _ROWS = {
     "contact_mode_divergence_ticks": ("ticks with another contact mode than it", ""),
     "largest_force_jump_N": ("largest force jump at a model change", "N"),
     "correction_energy_J": ("energy of corrections", "J"),
+    "identical": ("equal to the record, to the bit", ""),
+    "rms_force_difference_N": ("rms force difference to the record", "N"),
+    "rms_force_difference_percent": ("the same, of the recorded force", "%"),
+    "peak_force_difference_N": ("peak force difference to the record", "N"),
+    "source_peak_force_N": ("peak force in the record", "N"),
+    "equal_contact_modes_percent": ("ticks with the record's contact mode", "% of those in contact"),
+    "largest_swap_step_N": ("largest force step at a model change", "N"),
+    "source_rms_force_error_percent": ("rms force error of the record", "%"),
     "faults": ("faults latched", ""),
     "record_hash": ("record hash", ""),
     "wall_clock": ("wall clock of this machine", "s"),
@@ -284,6 +310,29 @@ def _experiment(arguments: argparse.Namespace) -> int:
         _tell(f"palpate {arguments.command}: {message}", "red")
     for message in warnings:
         _tell(f"palpate {arguments.command}: warning: {message}", "yellow")
+    return FAILED if failures else OK
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from palpate import replay
+
+    tolerance_N: float | None = arguments.tolerance_N
+    if tolerance_N is not None and not 0.0 <= tolerance_N <= 100.0:
+        raise SceneError(f"--tolerance-N = {tolerance_N:g}: must be in [0, 100] N")
+    folder = _output_folder(arguments, "replay")
+    source = replay.load_source(arguments.file, dict(parse_override(text) for text in arguments.set), arguments.board)
+    replay.check_folder(source, folder)
+    from palpate import _core
+
+    outcome = replay.replay(_core, source, folder, _progress)
+    _report(arguments, source.scene, outcome)
+    failures = board_failures(outcome.summary)
+    difference_N = outcome.summary["peak_force_difference_N"]
+    if tolerance_N is not None and difference_N > tolerance_N:
+        failures.append(f"peak_force_difference_N = {difference_N:.4g}: must be at most {tolerance_N:g}")
+    warnings = [*suspicions(outcome.summary), *outcome.warnings]
+    for message in failures + [f"warning: {warning}" for warning in warnings]:
+        print(f"palpate replay: {message}", file=sys.stderr)
     return FAILED if failures else OK
 
 
@@ -404,6 +453,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = build_parser().parse_args(argv)
     try:
         commands = {
+            "replay": _replay,
             "test": _test,
             "reproduce": _reproduce,
             "reduce": _reduce,
@@ -412,7 +462,7 @@ def main(argv: Sequence[str]) -> int:
             "completion": _completion,
         }
         return commands.get(arguments.command, _experiment)(arguments)
-    except SceneError as error:
+    except (SceneError, BadRecord) as error:
         _complain(arguments, str(error))
         return BAD_INPUT
     except (BoardError, RuntimeError, OSError, ImportError) as error:

@@ -6,6 +6,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run run scenes/press.toml --board native",
         "./run run scenes/press.toml --set contact.friction=0.5 --set model.builder=krylov",
     ),
+    "replay": (
+        "./run replay out/press/record.h5",
+        "./run replay out/press/record.h5 --set model.builder=krylov --board native --tolerance-N 0.5",
+    ),
     "simulate": ("./run simulate scenes/wave2d.toml", "./run simulate scenes/press.toml --set duration_s=0.5 --json"),
     "reproduce": ("./run reproduce fig14", "./run reproduce --hil --out out/hil"),
     "reduce": (

@@ -15,7 +15,9 @@ from palpate import __version__, hil, record, record_layout, summary
 from palpate.record_layout import Dataset
 from palpate.scene import Scene, SceneError
 
-OUTPUTS = ("summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "console.txt")
+OUTPUTS = (
+    "summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "replay.png", "console.txt"
+)
 _TICK_S = 1e-3
 
 
@@ -40,18 +42,33 @@ class Outcome:
     warnings: tuple[str, ...] = ()
 
 
-def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress) -> Outcome:
-    """`palpate run` and `palpate demo`: the firmware on its board, in the loop with plant, hand and host.
+@dataclass(frozen=True)
+class LoopRun:
+    """What came out of a run of the firmware: datasets of RUN with the reference, and RUN_COUNTERS."""
 
-    Raises SceneError, hil.BoardError, or what the core raises.
+    values: dict[str, NDArray[Any]]
+    counters: dict[str, int | float]
+    console: str
+    basis_problem: str
+    wall_clock_s: dict[str, float]
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(ticks,): of each row of /ticks."""
+        time_s: NDArray[np.float64] = self.values["ticks/tick"] * _TICK_S
+        return time_s
+
+
+def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArray[Any], progress: Progress) -> LoopRun:
+    """The closed loop on the scene's board, then the reference if the scene wants one.
+
+    given: `Scene.to_dict`, with what else the core is to be told. start_m: (3,), where the tip is at first.
     """
-    path = scene.require_path()
     board = hil.BOARDS[scene.sections.board.name]
-    given = scene.to_dict()
     if scene.sections.reference.enabled:
         # One tick of it now: a step that is not stable is refused before the run, not after it.
         with _naming(scene, "reference"):
-            core.reference(given, np.array([0.0, _TICK_S]), path.position_m[[0, 0]], lambda done, total: True)
+            core.reference(given, np.array([0.0, _TICK_S]), np.array([start_m, start_m]), lambda done, total: True)
     started_s = time.monotonic()
     with progress(f"closed loop on {board.name}", "tick") as bar, _naming(scene, "integrator"):
         results, console = hil.run_closed_loop(core, given, board, bar)
@@ -66,32 +83,58 @@ def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress)
             results.update(core.reference(given, time_s, tip_m, bar))
         wall_clock_s["reference_s"] = round(time.monotonic() - started_s, 3)
     values = record.conform(record_layout.RUN, results)
-    numbers = summary.summarize_run(
-        values,
-        counters,
+    return LoopRun(values, counters, console, basis_problem, wall_clock_s)
+
+
+def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
+    """RUN_KEYS of a run."""
+    board = hil.BOARDS[scene.sections.board.name]
+    return summary.summarize_run(
+        done.values,
+        done.counters,
         command=command,
         title=scene.sections.title,
         board=board.name,
         instructions_per_count=board.instructions_per_count,
-        wall_clock_s=wall_clock_s,
-        record_hash=record.record_hash(record_layout.RUN, values),
+        wall_clock_s=done.wall_clock_s,
+        record_hash=record.record_hash(record_layout.RUN, done.values),
     )
-    files = _begin_output(folder)
-    _write_record(files, record_layout.RUN, values, scene, numbers, counters)
-    time_s = values["ticks/tick"] * _TICK_S
-    if console.strip():
-        files.write_text("console.txt", console)
+
+
+def write_run(
+    folder: Path, scene: Scene, numbers: Mapping[str, Any], done: LoopRun, attributes: Mapping[str, str | int | float]
+) -> "Output":
+    """Record, CSV and pictures of a run, as the scene wants them. attributes: more of them, for the record."""
+    files = begin_output(folder)
+    values = done.values
+    all_attributes: dict[str, str | int | float] = {**done.counters}
+    all_attributes.update(attributes)
+    _write_record(files, record_layout.RUN, values, scene, numbers, all_attributes)
+    if done.console.strip():
+        files.write_text("console.txt", done.console)
     if scene.sections.outputs.csv:
         record.write_tip_csv(
             files.add("tip.csv"),
-            time_s,
+            done.time_s,
             values["ticks/tip_m"],
             values["ticks/force_N"],
             values["ticks/contact_mode"],
         )
     if scene.sections.outputs.pictures:
-        _draw_run(files, scene, values, time_s)
-    return Outcome(numbers, files.finish(numbers), (basis_problem,) if basis_problem else ())
+        _draw_run(files, scene, values, done.time_s)
+    return files
+
+
+def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress) -> Outcome:
+    """`palpate run` and `palpate demo`: the firmware on its board, in the loop with plant, hand and host.
+
+    Raises SceneError, hil.BoardError, or what the core raises.
+    """
+    path = scene.require_path()
+    done = run_firmware(core, scene, scene.to_dict(), path.position_m[0], progress)
+    numbers = summarize(scene, command, done)
+    files = write_run(folder, scene, numbers, done, {})
+    return Outcome(numbers, files.finish(numbers), (done.basis_problem,) if done.basis_problem else ())
 
 
 def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outcome:
@@ -111,7 +154,7 @@ def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outco
         wall_clock_s=wall_clock_s,
         record_hash=record.record_hash(record_layout.SIMULATE, values),
     )
-    files = _begin_output(folder)
+    files = begin_output(folder)
     _write_record(files, record_layout.SIMULATE, values, scene, numbers, {})
     outputs = scene.sections.outputs
     touched = "tip/force_N" in values
@@ -153,7 +196,7 @@ class _naming:
             raise SceneError(f"{self._file}: {section}{message}") from None
 
 
-class _Output:
+class Output:
     """The files of one experiment."""
 
     def __init__(self, folder: Path) -> None:
@@ -173,27 +216,27 @@ class _Output:
         return self._files
 
 
-def _begin_output(folder: Path) -> _Output:
+def begin_output(folder: Path) -> Output:
     """An empty place for the files: those of an earlier experiment go."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in OUTPUTS:
         (folder / name).unlink(missing_ok=True)
-    return _Output(folder)
+    return Output(folder)
 
 
 def _write_record(
-    files: _Output,
+    files: Output,
     layout: tuple[Dataset, ...],
     values: Mapping[str, Any],
     scene: Scene,
     numbers: Mapping[str, Any],
-    counters: Mapping[str, int | float],
+    more: Mapping[str, str | int | float],
 ) -> None:
     attributes: dict[str, str | int | float] = {
         "palpate_version": __version__,
         "record_hash": numbers["record_hash"],
         "command": numbers["command"],
-        **counters,
+        **more,
     }
     if "board" in numbers:
         attributes["board"] = numbers["board"]
@@ -204,7 +247,7 @@ def _title(scene: Scene, what: str) -> str:
     return f"{scene.sections.title or scene.file.stem}: {what}"
 
 
-def _touched_friction(
+def touched_friction(
     values: Mapping[str, NDArray[Any]], mode: NDArray[Any], triangle: NDArray[Any]
 ) -> NDArray[np.float64]:
     """Static and kinetic coefficients (n, 2) of the triangles that are touched; 0 when free."""
@@ -212,6 +255,13 @@ def _touched_friction(
     friction = np.zeros((len(mode), 2))
     friction[touching] = values["body/triangle_friction"][triangle[touching]]
     return friction
+
+
+def model_age_ticks(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """(ticks,): NaN where no model was rendered."""
+    age = values["ticks/model_age_ticks"].astype(np.float64)
+    age[values["ticks/model_sequence"] == 0] = np.nan
+    return age
 
 
 def _rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
@@ -229,7 +279,7 @@ def _rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     return normal
 
 
-def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
+def _draw_run(files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
     mode = values["ticks/contact_mode"]
@@ -238,21 +288,19 @@ def _draw_run(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], 
         reference = figures.ForceTrace(
             values["reference/force_N"], values["reference/contact_mode"], values["reference/normal"]
         )
-    age = values["ticks/model_age_ticks"].astype(np.float64)
-    age[values["ticks/model_sequence"] == 0] = np.nan
     figures.save_forces(
         files.add("forces.png"),
         title=_title(scene, f"firmware on {scene.sections.board.name}"),
         time_s=time_s,
         rendered=figures.ForceTrace(values["ticks/force_N"], mode, _rendered_normal(values)),
-        friction=_touched_friction(values, mode, values["ticks/triangle"]),
+        friction=touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
-        model_age_ticks=age,
+        model_age_ticks=model_age_ticks(values),
     )
     _draw_body(files, scene, values, values["ticks/tip_m"])
 
 
-def _draw_simulation(files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]]) -> None:
+def _draw_simulation(files: Output, scene: Scene, values: Mapping[str, NDArray[Any]]) -> None:
     from palpate import figures
 
     if "tip/force_N" in values:
@@ -261,14 +309,14 @@ def _draw_simulation(files: _Output, scene: Scene, values: Mapping[str, NDArray[
             title=_title(scene, "full body"),
             time_s=values["tip/time_s"],
             rendered=figures.ForceTrace(values["tip/force_N"], values["tip/contact_mode"], values["tip/normal"]),
-            friction=_touched_friction(values, values["tip/contact_mode"], values["tip/triangle"]),
+            friction=touched_friction(values, values["tip/contact_mode"], values["tip/triangle"]),
             rendered_name="full body",
         )
     _draw_body(files, scene, values, values.get("tip/position_m"))
 
 
 def _draw_body(
-    files: _Output, scene: Scene, values: Mapping[str, NDArray[Any]], path_m: NDArray[Any] | None
+    files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], path_m: NDArray[Any] | None
 ) -> None:
     from palpate import figures
 

@@ -73,6 +73,8 @@ def save_forces(
     reference: ForceTrace | None = None,
     model_age_ticks: Array | None = None,
     rendered_name: str = "firmware",
+    reference_name: str = "full body",
+    error_name: str = "error",
 ) -> None:
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
@@ -83,11 +85,11 @@ def save_forces(
     figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")
     panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
     figure.suptitle(title, fontsize=12)
-    _draw_forces(panels[0], time_s, rendered, friction, reference, rendered_name)
-    _draw_modes(panels[1], time_s, rendered, reference, rendered_name)
+    _draw_forces(panels[0], time_s, rendered, friction, reference, (rendered_name, reference_name))
+    _draw_modes(panels[1], time_s, rendered, reference, (rendered_name, reference_name))
     rest = panels[2:]
     if reference is not None:
-        _draw_error(rest.pop(0), time_s, rendered, reference)
+        _draw_error(rest.pop(0), time_s, rendered, reference, error_name)
     if model_age_ticks is not None:
         _draw_age(rest.pop(0), time_s, model_age_ticks)
     panels[-1].set_xlabel("virtual time [s]")
@@ -101,7 +103,7 @@ def _draw_forces(
     rendered: ForceTrace,
     friction: Array,
     reference: ForceTrace | None,
-    rendered_name: str,
+    names: tuple[str, str],
 ) -> None:
     pressing_N, tangential_N = split_force(rendered.force_N, rendered.normal)
     if friction.any():
@@ -109,11 +111,11 @@ def _draw_forces(
     lengths_N = [np.linalg.norm(rendered.force_N, axis=1)]
     if reference is not None:  # broad and light, below the rendered forces: where they agree both are seen
         normal_N, tangent_N = split_force(reference.force_N, reference.normal)
-        axes.plot(time_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=r"$f_n$, full body")
-        axes.plot(time_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=r"$|f_t|$, full body")
+        axes.plot(time_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=rf"$f_n$, {names[1]}")
+        axes.plot(time_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=rf"$|f_t|$, {names[1]}")
         lengths_N.append(np.linalg.norm(reference.force_N, axis=1))
-    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=0.8, label=rf"normal $f_n$, {rendered_name}")
-    label = rf"tangential $|f_t|$, {rendered_name}"
+    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=0.8, label=rf"normal $f_n$, {names[0]}")
+    label = rf"tangential $|f_t|$, {names[0]}"
     axes.plot(time_s, tangential_N, color=_TANGENTIAL, linewidth=0.8, label=label)
     # A wide friction cone may leave the picture: the forces must not shrink for it.
     largest_N = max(1e-3, *(float(length_N.max()) for length_N in lengths_N))
@@ -138,9 +140,9 @@ def _draw_cone(axes: Axes, time_s: Array, pressing_N: Array, friction: Array) ->
 
 
 def _draw_modes(
-    axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace | None, name: str
+    axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace | None, names: tuple[str, str]
 ) -> None:
-    rows = [(name, rendered.contact_mode)] + ([("full body", reference.contact_mode)] if reference else [])
+    rows = [(names[0], rendered.contact_mode)] + ([(names[1], reference.contact_mode)] if reference else [])
     tick_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1e-3
     axes.imshow(
         np.stack([mode for _, mode in rows]),
@@ -161,10 +163,10 @@ def _draw_modes(
     axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
 
 
-def _draw_error(axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace) -> None:
+def _draw_error(axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace, name: str) -> None:
     error_mN = _MM * np.linalg.norm(rendered.force_N - reference.force_N, axis=1)
     axes.plot(time_s, error_mN, color=_ERROR, linewidth=0.9)
-    axes.set_ylabel("error [mN]")
+    axes.set_ylabel(f"{name} [mN]")
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.25)
 

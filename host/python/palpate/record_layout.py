@@ -72,14 +72,14 @@ TICKS = (
         "catch_up_ticks", "u4", 0, "ticks", "ticks by which the model being prepared still lags; 0: none is"
     ),
     _tick("true_tip_m", "f8", 3, "m", "tip position in the plant, without quantization"),
-    _tick("hand_target_m", "f8", 3, "m", "where the hand means to be"),
+    _tick("hand_target_m", "f8", 3, "m", "where the hand means to be; in a replay where the tip was"),
     _tick(
         "hand_force_N",
         "f8",
         3,
         "N",
         "force of the hand on the device; of a scripted one, what holds the tip on its path: against the arm's inertia, "
-        "weight and friction and the motors",
+        "weight and friction and the motors; NaN in a replay, where nobody holds it",
     ),
     _tick("link_up_bytes", "u4", 0, "bytes", "bytes that left the link's board end in this tick"),
     _tick("link_down_bytes", "u4", 0, "bytes", "bytes that reached the board in this tick"),

@@ -14,12 +14,18 @@ import numpy as np
 
 from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_checks import check_scene, friction, steps_per_tick
-from palpate.scene_overrides import Overrides, apply_overrides, format_override
+from palpate.scene_overrides import (
+    OVERRIDE_COMMENT,
+    Overrides,
+    apply_overrides,
+    exact_override,
+    split_overrides,
+)
 from palpate.scene_schema import Reader, SceneError, read_section
 from palpate.scene_sections import TICK_S, Path, SceneFile
 from palpate.tip_path import Interpolation, TipPath, read_csv
 
-__all__ = ["Scene", "SceneError", "load_scene"]
+__all__ = ["Scene", "SceneError", "load_recorded_scene", "load_scene"]
 
 
 @dataclass(frozen=True)
@@ -150,20 +156,35 @@ def load_scene(file: FilePath, overrides: Overrides | None = None) -> Scene:
 
     overrides: keys that are set otherwise than in the file, by dotted name; they stand as comments in the scene's text.
     """
+    return _build(file, _read_text(file), overrides or {}, None)
+
+
+def load_recorded_scene(file: FilePath, text: str, overrides: Overrides, path: TipPath) -> Scene:
+    """The scene of a record: `Scene.text` of then. What was overridden then stays so, but for the present overrides.
+
+    file: for messages. path: in place of the scene's own. Raises SceneError as `load_scene` does.
+    """
+    own, recorded = split_overrides(text)
+    return _build(file, own, {**recorded, **overrides}, path)
+
+
+def _build(file: FilePath, text: str, overrides: Overrides, path: TipPath | None) -> Scene:
     reader = Reader(file)
-    text = _read_text(file)
     try:
         table = tomllib.loads(text)
     except ValueError as error:
         raise _syntax_error(file, text, str(error)) from None
     except RecursionError:
         raise SceneError(f"{file}: not TOML that can be read: nested too deeply") from None
-    for name, value in (overrides or {}).items():
+    for name, value in overrides.items():
         apply_overrides(table, {name: value})
-        text += f"\n# --set {format_override(name, value)}"
+        text += f"{OVERRIDE_COMMENT}{exact_override(name, value)}"
+    if path is not None:
+        table["path"] = {"waypoints": [{"time_s": 0.0, "position_m": path.position_m[0].tolist()}]}
     sections = read_section(reader, "", SceneFile, table)
     check_scene(reader, sections)
-    path = None if sections.path is None else _load_path(reader, sections.path)
+    if path is None and sections.path is not None:
+        path = _load_path(reader, sections.path)
     return Scene(file, text, sections, path)
 
 

@@ -21,7 +21,7 @@ class Key:
 
 
 RUN_KEYS = (
-    Key("command", "", "`run` or `demo`"),
+    Key("command", "", "`run`, `demo` or `replay`"),
     Key("title", "", "the scene's title"),
     Key("board", "", "where the firmware ran"),
     Key(
@@ -113,6 +113,60 @@ SIMULATE_KEYS = (
     Key("wall_clock", "s", "{simulate_s}: seconds on this machine"),
 )
 
+# Those of a replay beside RUN_KEYS. "Common ticks" are those that both the record and the replay have.
+REPLAY_KEYS = (
+    Key("source", "", "the record that was replayed"),
+    Key("source_record_hash", "", "its `record_hash`; null where it has none"),
+    Key("source_board", "", "where its firmware ran"),
+    Key("changes", "", "list of what the replay has otherwise, as `key=value`; empty: nothing"),
+    Key(
+        "interpolated_inputs",
+        "ticks",
+        "ticks of the replay that the record does not have: their encoder counts lie on a straight line",
+    ),
+    Key("compared_ticks", "ticks", "common ticks"),
+    Key(
+        "identical",
+        "",
+        "true: in all common ticks, and there are no others, encoder counts, currents, set-points, forces, contact points, "
+        "models and link bytes are the same to the bit",
+    ),
+    Key(
+        "rms_force_difference_N",
+        "N",
+        "root mean square over the common ticks of |force - recorded force|",
+    ),
+    Key(
+        "rms_force_difference_percent",
+        "%",
+        "that divided by the root mean square of |recorded force|; null where that never feels a force",
+    ),
+    Key("peak_force_difference_N", "N", "largest |force - recorded force|; `--tolerance-N` is about this one"),
+    Key("source_peak_force_N", "N", "largest magnitude of the recorded force in the common ticks"),
+    Key(
+        "equal_contact_modes_percent",
+        "%",
+        "ticks with the same contact mode, of the common ticks in which either has contact; null without any",
+    ),
+    Key(
+        "largest_tip_difference_m",
+        "m",
+        "largest distance of the tip positions that the boards computed; 0 where both have the same reference pose",
+    ),
+    Key(
+        "largest_swap_step_N",
+        "N",
+        "{source, replay}: largest |force[k] - force[k-1]| over the ticks k that render another model than tick k - 1; what "
+        "the body itself changes in a tick is in it",
+    ),
+    Key(
+        "source_rms_force_error_percent",
+        "%",
+        "`rms_force_error_percent` of the recorded force in the common ticks: against the record's own reference, or the "
+        "replay's where body, contact, coupling, tool and reference are unchanged; else null",
+    ),
+)
+
 # Boot, calibration and arming take 27 ticks over a fast link; a lost command is sent again 200 ticks later.
 _ARMING_TICKS = 500
 
@@ -155,6 +209,46 @@ def relative_rms_percent(force_N: NDArray[Any], reference_N: NDArray[Any]) -> fl
         return None
     error = float(np.sum(np.square(force_N.astype(np.float64) - reference_N)))
     return 100.0 * float(np.sqrt(error / base))
+
+
+# Of /ticks: what says of two runs that they are one.
+_IDENTITY = (
+    "encoder_count", "measured_current_A", "setpoint_A", "enabled", "tip_m", "force_N", "contact_mode", "triangle", "barycentric",
+    "normal", "mode", "faults", "model_sequence", "model_age_ticks", "link_up_bytes", "link_down_bytes",
+)  # fmt: skip
+
+
+def largest_swap_step_N(force_N: NDArray[Any], model_sequence: NDArray[Any]) -> float:
+    """Largest change of force at a change of model; 0 without one. force_N: (n, 3); model_sequence: (n,)."""
+    return largest_jump_N(force_N, np.zeros(force_N.shape), model_sequence)
+
+
+def compare_runs(recorded: Mapping[str, NDArray[Any]], replayed: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """The keys of REPLAY_KEYS from `compared_ticks` to `largest_swap_step_N`. Both: the datasets /ticks in the common ticks,
+    row by row."""
+    force_N, again_N = (values["ticks/force_N"].astype(np.float64) for values in (recorded, replayed))
+    mode, mode_again = recorded["ticks/contact_mode"], replayed["ticks/contact_mode"]
+    difference_N = magnitude(again_N - force_N)
+    touching = (mode != _FREE) | (mode_again != _FREE)
+    tip_m = recorded["ticks/tip_m"].astype(np.float64) - replayed["ticks/tip_m"]
+    return {
+        "compared_ticks": len(force_N),
+        "identical": all(
+            recorded[f"ticks/{name}"].tobytes() == replayed[f"ticks/{name}"].tobytes() for name in _IDENTITY
+        ),
+        "rms_force_difference_N": root_mean_square(difference_N) if len(difference_N) else 0.0,
+        "rms_force_difference_percent": relative_rms_percent(again_N, force_N),
+        "peak_force_difference_N": float(np.max(difference_N, initial=0.0)),
+        "source_peak_force_N": float(np.max(magnitude(force_N), initial=0.0)),
+        "equal_contact_modes_percent": (
+            100.0 * float(np.mean((mode == mode_again)[touching])) if np.any(touching) else None
+        ),
+        "largest_tip_difference_m": float(np.max(magnitude(tip_m), initial=0.0)),
+        "largest_swap_step_N": {
+            "source": largest_swap_step_N(force_N, recorded["ticks/model_sequence"]),
+            "replay": largest_swap_step_N(again_N, replayed["ticks/model_sequence"]),
+        },
+    }
 
 
 def _force_summary(mode: NDArray[Any], force_N: NDArray[Any]) -> dict[str, Any]:

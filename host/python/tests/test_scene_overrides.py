@@ -3,11 +3,20 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from command import ROOT, palpate
 
-from palpate.scene import SceneError, load_scene
-from palpate.scene_overrides import apply_overrides, format_override, parse_override
+from palpate.scene import SceneError, load_recorded_scene, load_scene
+from palpate.scene_overrides import (
+    OVERRIDE_COMMENT,
+    apply_overrides,
+    exact_override,
+    format_override,
+    parse_override,
+    split_overrides,
+)
+from palpate.tip_path import TipPath
 
 SCENE = ROOT / "scenes/press.toml"
 
@@ -53,6 +62,25 @@ def test_a_scene_takes_overrides_and_its_text_tells_them() -> None:
     assert scene.sections.board.name == "native"
     assert scene.text.startswith(load_scene(SCENE).text)
     assert "\n# --set contact.friction=0.25" in scene.text
+    path = TipPath(np.array([0.0, 1.0]), np.full((2, 3), 0.01), "linear")
+    again = load_recorded_scene(SCENE, scene.text, {"contact.friction": 0.5}, path)
+    assert again.sections.contact.friction == 0.5
+    assert again.sections.board.name == "native"
+    assert again.path is path
+    assert again.text == load_scene(SCENE, {"contact.friction": 0.5, "board.name": "native"}).text
+
+
+@pytest.mark.parametrize(
+    "value",
+    [0.1 + 0.2, 1e-300, -3, 10**15, True, "two words", "ein \"é\"\n\x7f\\", "native", [1.0, [2, "x"]], [{"time_s": 0.1, "a b": 1}]],
+    ids=str,
+)
+def test_the_text_of_a_scene_gives_its_overrides_back_to_the_last_digit(value: Any) -> None:
+    text = f"title = 'x'\n# --set not.at.the.end=1\n\n{OVERRIDE_COMMENT}a.b=1{OVERRIDE_COMMENT}{exact_override('c.d', value)}"
+    own, overrides = split_overrides(text)
+    assert own == "title = 'x'\n# --set not.at.the.end=1\n\n"
+    assert overrides == {"a.b": 1, "c.d": value}
+    assert type(overrides["c.d"]) is type(value)
 
 
 def test_overrides_are_checked_like_the_file() -> None:
