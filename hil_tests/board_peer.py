@@ -439,8 +439,8 @@ class SerialHost:
 
 
 @contextlib.contextmanager
-def on_serial_line(board: str, folder: pathlib.Path) -> Iterator[SerialHost]:
-    """Runs a board in real time without a plant, its link on a pseudo-terminal."""
+def serial_terminal(board: str, folder: pathlib.Path) -> Iterator[str]:
+    """Runs a board in real time without a plant; the pseudo-terminal that is its link."""
     if board == "native":
         command, pattern = [str(NATIVE_IMAGE), "--pty"], r"^(\S+)$"
     else:
@@ -453,6 +453,12 @@ def on_serial_line(board: str, folder: pathlib.Path) -> Iterator[SerialHost]:
             line = process.stdout.readline()  # ends when the process does
             assert line, "the board does not name its terminal"
             match = re.search(pattern, line)
-        # The speed is the line's business: a pseudo-terminal has none.
-        with serial.Serial(match[1], 115200, timeout=0.1) as port:
-            yield SerialHost(port)
+        yield match[1]
+
+
+@contextlib.contextmanager
+def on_serial_line(board: str, folder: pathlib.Path) -> Iterator[SerialHost]:
+    """The same with its terminal opened."""
+    # The speed is the line's business: a pseudo-terminal has none.
+    with serial_terminal(board, folder) as terminal, serial.Serial(terminal, 115200, timeout=0.1) as port:
+        yield SerialHost(port)

@@ -2,6 +2,7 @@
 
 #include "firmware/core/renderer.hpp"
 #include "host/python/bindings/experiments.hpp"
+#include "host/python/bindings/moving_body.hpp"
 #include "shared/model/local_model.hpp"
 #include "shared/wire/messages.hpp"
 
@@ -20,4 +21,9 @@ NB_MODULE(_core, module) {
   module.def("model_cost", &palpate::python::model_cost, "scene"_a, "rounds"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
+  palpate::python::bind_body(module);
+  palpate::python::bind_model(module);
+  palpate::python::bind_session(module);
+  palpate::python::bind_device(module);
+  palpate::python::bind_endpoint(module);
 }

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -35,11 +35,12 @@ class Progress(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """Numbers of an experiment and the files that were written, by name."""
+    """Numbers of an experiment, the files that were written, by name, and its datasets by path (`record_layout`)."""
 
     summary: dict[str, Any]
     files: dict[str, Path]
     warnings: tuple[str, ...] = ()
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -125,20 +126,21 @@ def write_run(
     return files
 
 
-def run(core: Any, scene: Scene, command: str, folder: Path, progress: Progress) -> Outcome:
-    """`palpate run` and `palpate demo`: the firmware on its board, in the loop with plant, hand and host.
+def run(core: Any, scene: Scene, command: str, folder: Path | None, progress: Progress) -> Outcome:
+    """`palpate run` and `palpate demo`: the firmware on its board, in the loop with plant, hand and host. No folder: no
+    files.
 
     Raises SceneError, hil.BoardError, or what the core raises.
     """
     path = scene.require_path()
     done = run_firmware(core, scene, scene.to_dict(), path.position_m[0], progress)
     numbers = summarize(scene, command, done)
-    files = write_run(folder, scene, numbers, done, {})
-    return Outcome(numbers, files.finish(numbers), (done.basis_problem,) if done.basis_problem else ())
+    files = {} if folder is None else write_run(folder, scene, numbers, done, {}).finish(numbers)
+    return Outcome(numbers, files, (done.basis_problem,) if done.basis_problem else (), done.values)
 
 
-def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outcome:
-    """`palpate simulate`: the full body alone, with the tip on its path if there is one.
+def simulate(core: Any, scene: Scene, folder: Path | None, progress: Progress) -> Outcome:
+    """`palpate simulate`: the full body alone, with the tip on its path if there is one. No folder: no files.
 
     Raises SceneError, or what the core raises.
     """
@@ -154,6 +156,8 @@ def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outco
         wall_clock_s=wall_clock_s,
         record_hash=record.record_hash(record_layout.SIMULATE, values),
     )
+    if folder is None:
+        return Outcome(numbers, {}, (), values)
     files = begin_output(folder)
     _write_record(files, record_layout.SIMULATE, values, scene, numbers, {})
     outputs = scene.sections.outputs
@@ -175,7 +179,7 @@ def simulate(core: Any, scene: Scene, folder: Path, progress: Progress) -> Outco
         )
     if outputs.pictures:
         _draw_simulation(files, scene, values)
-    return Outcome(numbers, files.finish(numbers))
+    return Outcome(numbers, files.finish(numbers), (), values)
 
 
 class _naming:

@@ -22,10 +22,10 @@ from palpate.scene_overrides import (
     split_overrides,
 )
 from palpate.scene_schema import Reader, SceneError, read_section
-from palpate.scene_sections import TICK_S, Path, SceneFile
+from palpate.scene_sections import TICK_S, Contact, FrictionRegion, Model, Path, SceneFile
 from palpate.tip_path import Interpolation, TipPath, read_csv
 
-__all__ = ["Scene", "SceneError", "load_recorded_scene", "load_scene"]
+__all__ = ["Scene", "SceneError", "load_recorded_scene", "load_scene", "make_scene"]
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,13 @@ class Scene:
         """The same scene on another board."""
         return replace(self, sections=replace(self.sections, board=replace(self.sections.board, name=name)))
 
+    def with_model(self, **keys: Any) -> "Scene":
+        """The same scene with these keys in [model], all others of that section at their defaults. Raises SceneError."""
+        reader = Reader(self.file)
+        sections = replace(self.sections, model=read_section(reader, "model", Model, _plain(keys)))
+        check_scene(reader, sections)
+        return replace(self, sections=sections)
+
     def require_path(self) -> TipPath:
         """The path; raises SceneError where the scene has none."""
         if self.path is None:
@@ -70,9 +77,8 @@ class Scene:
         values["duration_ticks"] = self.duration_ticks
         values["body"] = _body_dict(self.sections.body)
         contact = self.sections.contact
-        for given, table in zip(
-            (contact, *contact.regions), (values["contact"], *values["contact"]["regions"]), strict=True
-        ):
+        every: tuple[Contact | FrictionRegion, ...] = (contact, *contact.regions)
+        for given, table in zip(every, (values["contact"], *values["contact"]["regions"]), strict=True):
             del table["friction"]
             table["static_friction"], table["kinetic_friction"] = friction(given)
         if self.sections.coupling.kind == "kinematic":  # stiffness 0 to the core
@@ -176,7 +182,31 @@ def _build(file: FilePath, text: str, overrides: Overrides, path: TipPath | None
         raise _syntax_error(file, text, str(error)) from None
     except RecursionError:
         raise SceneError(f"{file}: not TOML that can be read: nested too deeply") from None
-    for name, value in overrides.items():
+    return _checked(reader, table, text, overrides, path)
+
+
+def make_scene(table: dict[str, Any], overrides: Overrides | None = None, name: str = "scene") -> Scene:
+    """A scene from nested tables as they stand in a file (docs/scenes.md), checked alike; errors begin with the name. A
+    scene without duration_s has one tick: enough where only body, plant or model of it count. csv paths are relative to
+    the working directory."""
+    plain = _plain({"duration_s": TICK_S, **table})
+    return _checked(Reader(FilePath(name)), plain, "", overrides or {}, None)
+
+
+def _plain(value: Any) -> Any:
+    """As TOML has it: tuples and arrays as lists, NumPy's numbers as Python's; a copy."""
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _checked(
+    reader: Reader, table: dict[str, Any], text: str, overrides: Overrides, path: TipPath | None
+) -> Scene:
+    for name, given in overrides.items():
+        value = _plain(given)
         apply_overrides(table, {name: value})
         text += f"{OVERRIDE_COMMENT}{exact_override(name, value)}"
     if path is not None:
@@ -185,7 +215,7 @@ def _build(file: FilePath, text: str, overrides: Overrides, path: TipPath | None
     check_scene(reader, sections)
     if path is None and sections.path is not None:
         path = _load_path(reader, sections.path)
-    return Scene(file, text, sections, path)
+    return Scene(reader.file, text, sections, path)
 
 
 def _read_text(file: FilePath) -> str:

@@ -1,0 +1,135 @@
+// The host's end of the link, for a board on a serial line.
+#include <nanobind/stl/string.h>
+
+#include <memory>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "host/link/host_endpoint.hpp"
+#include "host/python/bindings/arrays.hpp"
+#include "host/python/bindings/moving_body.hpp"
+
+namespace palpate::python {
+namespace {
+
+nb::bytes to_bytes(const link::OutgoingFrame& frame) {
+  return nb::bytes(frame.bytes.data(), frame.bytes.size());
+}
+
+template <class Text>
+std::string text(const Text& from) {
+  return {from.elements, from.elements + from.count};
+}
+
+// Messages that a script has no use for (of models and bases) come as their name alone.
+struct ToDict {
+  nb::dict result;
+
+  void operator()(const palpate_ServoTrace_1_0& trace) {
+    std::vector<float> tip_m, force_N;
+    for (std::size_t i = 0; i < trace.samples.count; ++i) {
+      const palpate_ServoSample_1_0& sample = trace.samples.elements[i];
+      tip_m.insert(tip_m.end(), sample.tip_m, sample.tip_m + 3);
+      force_N.insert(force_N.end(), sample.force_N, sample.force_N + 3);
+    }
+    result["message"] = "ServoTrace";
+    result["first_tick"] = trace.first_tick;
+    result["tip_m"] = array(std::move(tip_m), 3);
+    result["force_N"] = array(std::move(force_N), 3);
+  }
+  void operator()(const palpate_BoardStatus_1_0& status) {
+    result["message"] = "BoardStatus";
+    result["tick"] = status.tick;
+    result["mode"] = status.mode;
+    result["faults"] = status.faults;
+    result["last_status"] = status.last_status;
+    result["schema_hash"] = status.schema_hash;
+    result["token"] = status._token;
+    result["models_taken"] = status.models_taken;
+    result["frames_received"] = status.frames_received;
+    result["frames_refused"] = status.frames_refused;
+    result["frames_lost"] = status.frames_lost;
+    result["missed_deadlines"] = status.missed_deadlines;
+  }
+  void operator()(const link::CommandResponse& response) {
+    result["message"] = "Command";
+    result["transfer_id"] = response.transfer_id;
+    result["status"] = response.message.status;
+    result["mode"] = response.message.mode;
+    result["token"] = response.message._token;
+  }
+  void operator()(const link::InfoResponse& response) {
+    const palpate_GetInfo_Response_1_0& info = response.message;
+    result["message"] = "GetInfo";
+    result["transfer_id"] = response.transfer_id;
+    result["schema_hash"] = info.schema_hash;
+    result["board"] = text(info.board);
+    result["firmware"] = text(info.firmware);
+    result["max_modes"] = info.max_modes;
+    result["max_nodes"] = info.max_nodes;
+    result["basis_slots"] = info.basis_slots;
+    result["tick_rate_Hz"] = info.tick_rate_Hz;
+    result["tip_history_ticks"] = info.tip_history_ticks;
+  }
+  void operator()(const palpate_TipTrace_1_0&) { result["message"] = "TipTrace"; }
+  void operator()(const palpate_ModelReport_1_0&) { result["message"] = "ModelReport"; }
+  void operator()(const palpate_BasisReport_1_0&) { result["message"] = "BasisReport"; }
+};
+
+}  // namespace
+
+void bind_endpoint(nb::module_& module) {
+  using namespace nanobind::literals;
+  using link::HostEndpoint;
+  nb::class_<HostEndpoint>(module, "HostEndpoint")
+      .def(
+          "__init__",
+          [](HostEndpoint* self, std::uint64_t first_transfer_id) {
+            link::EndpointOptions options;
+            options.first_transfer_id = first_transfer_id;
+            new (self) HostEndpoint(options);
+          },
+          "first_transfer_id"_a)
+      .def(
+          "command",
+          [](HostEndpoint& e, std::uint8_t action, std::uint32_t token) {
+            palpate_Command_Request_1_0 request{};
+            request.action = action;
+            request._token = token;
+            const link::OutgoingFrame frame = e.encode(request);
+            return nb::make_tuple(to_bytes(frame), frame.transfer_id);
+          },
+          "action"_a, "token"_a)
+      .def("get_info",
+           [](HostEndpoint& e) {
+             const link::OutgoingFrame frame = e.encode(palpate_GetInfo_Request_1_0{});
+             return nb::make_tuple(to_bytes(frame), frame.transfer_id);
+           })
+      .def(
+          "receive",
+          [](HostEndpoint& e, const nb::bytes& data, std::uint32_t tick) {
+            nb::list messages;
+            const std::span bytes{static_cast<const std::uint8_t*>(data.data()), data.size()};
+            for (const link::Incoming& message : e.receive(bytes, tick)) {
+              ToDict to{};
+              std::visit(to, message);
+              messages.append(to.result);
+            }
+            return messages;
+          },
+          "data"_a, "tick"_a)
+      .def_prop_ro("counters", [](const HostEndpoint& e) {
+        const link::EndpointCounters c = e.counters();
+        nb::dict result;
+        result["frames_sent"] = c.frames_sent;
+        result["frames_received"] = c.frames_received;
+        result["frames_refused"] = c.frames_refused;
+        result["frames_lost"] = c.frames_lost;
+        result["schema_mismatches"] = c.schema_mismatches;
+        return result;
+      });
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,183 @@
+"""A board on a serial line: asks it who it is, reads its state, arms it. Needs pyserial."""
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from palpate import _core
+from palpate.body import Floats
+
+MODES = ("boot", "idle", "calibrate", "render", "fault")
+# palpate.Command
+_ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP = range(1, 7)
+_TICKS_PER_S = 1000
+# It takes 100 ticks of rest, and begins within a tick or two.
+_CALIBRATION_TICKS = 110
+
+
+class BoardLinkError(RuntimeError):
+    """No answer, a refusal, or a board of other message definitions."""
+
+
+@dataclass(frozen=True)
+class BoardInfo:
+    """What a board is: its answer to GetInfo (docs/protocol.md)."""
+
+    board: str
+    firmware: str
+    schema_hash: int
+    max_modes: int
+    max_nodes: int
+    basis_slots: int
+    tick_rate_Hz: int
+    tip_history_ticks: int
+
+
+@dataclass(frozen=True)
+class BoardState:
+    """The newest BoardStatus, and tip and force of the newest tick of a ServoTrace, if one came since.
+
+    tick: of the board's clock, 1 ms. mode: one of MODES. faults: bits of docs/safety.md. tip_m, force_N (3,): device frame;
+    None: no trace has come.
+    """
+
+    tick: int
+    mode: str
+    faults: int
+    models_taken: int
+    frames_refused: int
+    missed_deadlines: int
+    tip_m: Floats | None
+    force_N: Floats | None
+
+
+class BoardLink:
+    """A board behind a serial port. Use as a context manager: when the block ends the board is disarmed and the port closed.
+
+    Arming switches the motors on: keep hands clear and read docs/safety.md first. One thread. Methods raise BoardLinkError
+    when no answer comes in time.
+    """
+
+    def __init__(self, port: str, baud: int = 115_200, timeout_s: float = 5.0) -> None:
+        import serial
+
+        self._timeout_s = timeout_s
+        self._started_s = time.monotonic()
+        # Other numbers than those of a run a second ago: the board takes equal ones for copies.
+        self._endpoint = _core.HostEndpoint(int(time.time() * 1000))
+        self._received: deque[dict[str, Any]] = deque()
+        self._trace: dict[str, Any] | None = None
+        self._armed = False
+        try:
+            self._port = serial.Serial(port, baud, timeout=0.05)
+        except serial.SerialException as error:
+            raise BoardLinkError(f"{port}: cannot be opened: {error}") from None
+        self.name = port
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if self._armed:
+                self.disarm()
+        finally:
+            self._port.close()
+
+    def info(self) -> BoardInfo:
+        """Asks who the board is. Raises BoardLinkError where its message definitions are not the host's."""
+        frame, transfer_id = self._endpoint.get_info()
+        self._port.write(frame)
+        answer = self._wait("GetInfo", transfer_id)
+        info = BoardInfo(**{name: answer[name] for name in BoardInfo.__dataclass_fields__})
+        if info.schema_hash != _core.SCHEMA_HASH:
+            raise BoardLinkError(
+                f"{self.name}: message schema {info.schema_hash:016x}: must be the host's, {_core.SCHEMA_HASH:016x}"
+            )
+        return info
+
+    def state(self) -> BoardState:
+        """Waits for the next status (ten a second) and returns it."""
+        status = self._wait("BoardStatus")
+        trace = self._trace
+        return BoardState(
+            tick=status["tick"],
+            mode=MODES[status["mode"]],
+            faults=status["faults"],
+            models_taken=status["models_taken"],
+            frames_refused=status["frames_refused"],
+            missed_deadlines=status["missed_deadlines"],
+            tip_m=None if trace is None else trace["tip_m"][-1].astype(np.float64),
+            force_N=None if trace is None else trace["force_N"][-1].astype(np.float64),
+        )
+
+    def arm(self, patience_s: float = 0.0) -> None:
+        """Switches the outputs on, in the two steps of docs/protocol.md. Raises BoardLinkError with the board's status where
+        it refuses: it is not idle, a fault is there, the tip is outside of its workspace or too fast, or it has just missed
+        deadlines, as a board that is a process on a busy computer does. While it is idle it is asked again for patience_s."""
+        deadline_s = time.monotonic() + patience_s
+        self._armed = True  # from here on leave it disarmed, whatever happens
+        while True:
+            try:
+                token = self._command("arming", _ARM_REQUEST)["token"]
+                self._command("confirming", _ARM_CONFIRM, token)
+                return
+            except BoardLinkError:
+                if time.monotonic() > deadline_s or self.state().mode != "idle":
+                    raise
+
+    def disarm(self) -> None:
+        """Switches the outputs off."""
+        self._command("disarming", _DISARM)
+        self._armed = False
+
+    def calibrate(self) -> None:
+        """Makes the present pose the reference pose; idle and hand off. Returns when that is done. Raises BoardLinkError where
+        the board refuses, or the tip does not come to rest within timeout_s."""
+        self._command("calibrating", _CALIBRATE)
+        begun, deadline_s = self.state(), time.monotonic() + self._timeout_s
+        now = begun
+        while now.mode == "calibrate" or now.tick < begun.tick + _CALIBRATION_TICKS:
+            if time.monotonic() > deadline_s:
+                raise BoardLinkError(f"{self.name}: calibrating: the tip does not rest")
+            now = self.state()
+
+    def clear_fault(self) -> None:
+        """From fault to idle, when the cause has gone."""
+        self._command("clearing the fault", _CLEAR_FAULT)
+
+    def stop(self) -> None:
+        """Emergency stop: outputs off, fault latched."""
+        self._command("stopping", _STOP)
+
+    def _command(self, what: str, action: int, token: int = 0) -> dict[str, Any]:
+        frame, transfer_id = self._endpoint.command(action, token)
+        self._port.write(frame)
+        answer = self._wait("Command", transfer_id)
+        if answer["status"] != 0:
+            mode = MODES[answer["mode"]]
+            raise BoardLinkError(
+                f"{self.name}: {what}: refused in mode {mode} with status {answer['status']}: docs/safety.md has the conditions"
+            )
+        return answer
+
+    def _wait(self, message: str, transfer_id: int | None = None) -> dict[str, Any]:
+        """The next message of this name; all before it are dropped, but for the newest trace."""
+        deadline_s = time.monotonic() + self._timeout_s
+        while True:
+            while self._received:
+                one = self._received.popleft()
+                if one["message"] == "ServoTrace":
+                    self._trace = one
+                elif one["message"] == message and transfer_id in (None, one.get("transfer_id")):
+                    return one
+            if time.monotonic() > deadline_s:
+                raise BoardLinkError(f"{self.name}: no {message} within {self._timeout_s:g} s: is it a board, and awake?")
+            tick = int((time.monotonic() - self._started_s) * _TICKS_PER_S)
+            self._received += self._endpoint.receive(self._port.read(max(1, self._port.in_waiting)), tick)

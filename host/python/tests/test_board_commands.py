@@ -1,0 +1,97 @@
+"""BoardLink's commands, against a board that is made up: order, tokens, refusals, disarming."""
+
+import sys
+import types
+from typing import Any
+
+import pytest
+
+from palpate import BoardLink, BoardLinkError
+
+ARM_REQUEST, ARM_CONFIRM, DISARM = 1, 2, 3
+TOKEN = 0x1234
+
+
+class MadeUpBoard:
+    """Stands for the endpoint: answers every command with the next of `answers` (status), and says its status after."""
+
+    def __init__(self, answers: list[int], mode: int = 1) -> None:
+        self.answers, self.mode, self.asked = answers, mode, list[tuple[int, int]]()
+        self._said: list[dict[str, Any]] = []
+
+    def command(self, action: int, token: int) -> tuple[bytes, int]:
+        self.asked.append((action, token))
+        status = self.answers.pop(0) if self.answers else 0
+        told = TOKEN if action == ARM_REQUEST else 0
+        self._said = [self.status(), {"message": "Command", "transfer_id": 999, "status": 0, "mode": 1, "token": 7},
+                      {"message": "Command", "transfer_id": len(self.asked), "status": status, "mode": self.mode, "token": told}]
+        return b"frame", len(self.asked)
+
+    def status(self) -> dict[str, Any]:
+        numbers = dict.fromkeys(("faults", "models_taken", "frames_refused", "missed_deadlines"), 0)
+        return {"message": "BoardStatus", "tick": 1000 * len(self.asked), "mode": self.mode, **numbers}
+
+    def receive(self, data: bytes, tick: int) -> list[dict[str, Any]]:
+        said, self._said = self._said, []
+        return said or [self.status()]
+
+
+class Port:
+    """Of pyserial what BoardLink uses."""
+
+    in_waiting = 0
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        self.closed = False
+
+    def write(self, data: bytes) -> None:
+        assert data == b"frame"
+
+    def read(self, size: int) -> bytes:
+        return b""
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def connected(monkeypatch: pytest.MonkeyPatch, board: MadeUpBoard) -> BoardLink:
+    """A link to a made-up board."""
+    monkeypatch.setitem(sys.modules, "serial", types.SimpleNamespace(Serial=Port, SerialException=OSError))
+    link = BoardLink("made up", timeout_s=1.0)
+    link._endpoint = board  # type: ignore[assignment]
+    return link
+
+
+def test_arming_takes_two_steps_and_ends_with_the_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([])
+    with connected(monkeypatch, board) as link:
+        link.arm()
+        assert board.asked == [(ARM_REQUEST, 0), (ARM_CONFIRM, TOKEN)]
+    assert board.asked[-1] == (DISARM, 0)
+    assert link._port.closed
+
+
+def test_a_refusal_is_told_and_the_board_left_disarmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([0, 49])
+    with pytest.raises(BoardLinkError, match="made up: confirming: refused in mode idle with status 49"):
+        with connected(monkeypatch, board) as link:
+            link.arm()
+    assert [action for action, _ in board.asked] == [ARM_REQUEST, ARM_CONFIRM, DISARM]
+
+
+def test_patience_asks_again_while_idle_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([48, 48])
+    link = connected(monkeypatch, board)
+    link.arm(patience_s=1000.0)
+    assert [action for action, _ in board.asked] == [ARM_REQUEST] * 3 + [ARM_CONFIRM]
+    faulty = MadeUpBoard([48, 48], mode=4)
+    with pytest.raises(BoardLinkError, match="refused in mode fault"):
+        connected(monkeypatch, faulty).arm(patience_s=1000.0)
+    assert len(faulty.asked) == 1
+
+
+def test_a_block_without_arming_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([])
+    with connected(monkeypatch, board) as link:
+        assert (link.state().mode, link.state().tip_m) == ("idle", None)
+    assert board.asked == []
