@@ -1,0 +1,99 @@
+// The host's end of the loop: endpoint, arming, session, and frames that wait for the end of the computing
+// delay.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "firmware/core/supervisor.hpp"
+#include "host/link/host_endpoint.hpp"
+#include "host/session/arming.hpp"
+#include "host/session/basis_sender.hpp"
+#include "host/session/closed_loop_config.hpp"
+#include "host/session/loop_record.hpp"
+#include "host/session/node_probe.hpp"
+#include "host/session/session.hpp"
+#include "host/session/trace_choice.hpp"
+
+namespace palpate::host {
+
+class LoopHost {
+ public:
+  // `body` must outlive it. Throws as Session does, and std::invalid_argument for Feedback::paper without
+  // full traces.
+  LoopHost(const Body& body, const BodyState& start, const ClosedLoopConfig& config);
+
+  void receive(const std::vector<std::uint8_t>& bytes, std::uint32_t tick);
+
+  // Frames that the host hands to the link in this tick. backlog_bytes: of what was handed to it, what has
+  // not arrived. A model that would queue behind another is not computed before that one has arrived: a queue
+  // of models, each older than the next, would reach the board too late for its tip history, all of them.
+  // Pieces of a basis that is not needed yet go one at a time, in what the link has left of this tick.
+  std::vector<link::OutgoingFrame> poll(std::uint32_t tick, std::size_t backlog_bytes,
+                                        double link_bytes_per_tick);
+
+  // What a person asks for. Arming takes its two steps (arming.hpp); any other action goes out as it is.
+  void arm() { arming_.begin(); }
+  void command(firmware::Action action);
+  // For models that are begun from now on.
+  void set_delay(std::uint32_t ticks) { config_.host_delay_ticks = ticks; }
+
+  [[nodiscard]] const Session& session() const { return session_; }
+  [[nodiscard]] const std::vector<UpdateRecord>& updates() const { return result_.updates; }
+  [[nodiscard]] LoopCounters counters() const;
+  // As the board said last, if it has.
+  [[nodiscard]] const std::optional<palpate_BoardStatus_1_0>& board_status() const { return board_status_; }
+  // Of the newest model, the body's own numbers; empty before the first.
+  [[nodiscard]] const std::vector<int>& patch_nodes() const { return patch_nodes_; }
+
+  // `recorded`: every tick of the run, for what is known only afterwards. The host is done then.
+  ClosedLoopResult finish(std::vector<LoopTick> recorded);
+
+ private:
+  static constexpr std::size_t kMostBlocks =
+      palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
+
+  [[nodiscard]] Replay replay(const std::vector<LoopTick>& recorded, int node);
+  // True when there was one.
+  bool send_piece(std::size_t blocks, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
+  // Brings the basis of the model to the board, or, where that is there, the one that will be wanted next;
+  // one that is under way comes first, unless it is one that is only wanted next.
+  void begin_basis(const ModelUpdate& update);
+  // The state, and its basis where it has to come with it or is not on the board.
+  void send(ModelUpdate update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
+  void send_state(const ModelUpdate& update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
+  void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
+  void take(const palpate_TipTrace_1_0& trace) { session_.take(trace); }
+  void take(const palpate_BoardStatus_1_0& status);
+  void take(const palpate_ModelReport_1_0& report);
+  void take(const palpate_BasisReport_1_0& report);
+  void take(const link::CommandResponse& response) { arming_.take(response.message); }
+  void take(const link::InfoResponse&) {}
+
+  ClosedLoopConfig config_;
+  link::HostEndpoint endpoint_;
+  Arming arming_;
+  std::deque<firmware::Action> actions_;  // asked for, not sent yet
+  TraceChoice traces_;
+  Session session_;
+  bool model_is_due_ = false;
+  std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update
+  BasisSender bases_;
+  bool is_ahead_ = false;                 // the one under way is for a state to come
+  std::optional<ModelUpdate> held_back_;  // until its basis is on the board
+  // Of pieces that were handed to the link after the newest state.
+  std::size_t bytes_behind_model_ = std::size_t{1} << 40;
+  std::size_t basis_bytes_ = 0;  // sent since the newest state
+  std::vector<SentModel> sent_;  // with a probe only
+  std::vector<int> patch_nodes_;
+  std::optional<palpate_BoardStatus_1_0> board_status_;
+  ClosedLoopResult result_;
+  bool has_peak_ = false;
+  double peak_N_ = 0.0;
+};
+
+}  // namespace palpate::host
