@@ -40,14 +40,18 @@ std::vector<std::uint8_t> spoil(std::vector<std::uint8_t> frame, const Fault& fa
 }  // namespace
 
 FaultPlan::FaultPlan(std::span<const Fault> faults) {
-  for (const Fault& fault : faults) {
-    if (!faults_.emplace(fault.frame, fault).second)
+  for (const Fault& fault : faults)
+    if (!add(fault))
       throw std::invalid_argument("FaultPlan: frame " + std::to_string(fault.frame) +
                                   " has two faults; 1 is allowed");
-    if (fault.kind == FaultKind::reorder && fault.argument == 0)
-      throw std::invalid_argument("FaultPlan: frame " + std::to_string(fault.frame) +
-                                  " is to come behind 0 frames; at least 1 is allowed");
-  }
+}
+
+bool FaultPlan::add(Fault fault) {
+  if (fault.kind == FaultKind::reorder && fault.argument == 0)
+    throw std::invalid_argument("FaultPlan: frame " + std::to_string(fault.frame) +
+                                " is to come behind 0 frames; at least 1 is allowed");
+  fault.frame += frame_ + (in_frame_ ? 1 : 0);
+  return faults_.emplace(fault.frame, fault).second;
 }
 
 std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) {

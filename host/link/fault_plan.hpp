@@ -33,6 +33,9 @@ class FaultPlan {
   // Throws std::invalid_argument when a frame has two faults, or is to be reordered behind no frame.
   explicit FaultPlan(std::span<const Fault> faults);
 
+  // A fault more; its frame is counted from 0 among those that begin from now on. False, and no effect, when
+  // that frame has one. Throws std::invalid_argument when it is to be reordered behind no frame.
+  bool add(Fault fault);
   std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes);
   [[nodiscard]] std::uint64_t frames_seen() const { return frame_; }
   [[nodiscard]] std::uint64_t faults_applied() const { return faults_applied_; }

@@ -82,5 +82,16 @@ TEST(FaultPlan, OneFaultAFrame) {
   EXPECT_THROW(FaultPlan{std::span(&behind_none, 1)}, std::invalid_argument);
 }
 
+TEST(FaultPlan, FaultsAddedLaterCountFromTheNextFrameThatBegins) {
+  FaultPlan plan;
+  EXPECT_EQ(plan.apply(Bytes{0, 1}), (Bytes{0, 1}));  // a frame has begun
+  EXPECT_TRUE(plan.add({0, FaultKind::drop, 0}));
+  EXPECT_TRUE(plan.add({1, FaultKind::flip_bit, 1}));
+  EXPECT_FALSE(plan.add({1, FaultKind::drop, 0}));
+  EXPECT_THROW(plan.add({2, FaultKind::reorder, 0}), std::invalid_argument);
+  EXPECT_EQ(plan.apply(Bytes{2, 0, 3, 0, 4, 0, 5, 0}), (Bytes{2, 0, 6, 0, 5, 0}));
+  EXPECT_EQ(plan.faults_applied(), 2u);
+}
+
 }  // namespace
 }  // namespace palpate::link

@@ -67,7 +67,21 @@ Vec3d Plant::tip_position_m() const {
 }
 
 Vec3d Plant::intended_position_m() const {
-  return hand_kind_ == HandKind::recorded ? tip_position_m() : intended_.at(time_s_).position_m;
+  return hand_kind_ == HandKind::recorded ? tip_position_m() : intended(time_s_).position_m;
+}
+
+void Plant::guide(const PathPoint& intended) {
+  if (hand_kind_ != HandKind::impedance)
+    throw std::invalid_argument("plant: only a hand of kind impedance can be guided");
+  if (!is_finite(intended.position_m) || !is_finite(intended.velocity_m_s))
+    throw std::invalid_argument("plant: the point that guides the hand is not finite");
+  guide_ = intended;
+  guided_at_s_ = time_s_;
+}
+
+PathPoint Plant::intended(double time_s) const {
+  if (!guide_) return intended_.at(time_s);
+  return {guide_->position_m + guide_->velocity_m_s * (time_s - guided_at_s_), guide_->velocity_m_s};
 }
 
 void Plant::set_grip(double grip) {
@@ -80,10 +94,10 @@ Plant::State Plant::derivative(const State& state, double delay_s) const {
   const Vec3d tip_m_s = arm_.jacobian_m(state.joint_rad) * state.joint_rad_s;
   const Vec3d force_N = hand_.force_N(state.hand, arm_.tip_position_m(state.joint_rad), tip_m_s, grip_);
   const Vec3d drive_N_m = arm_.drive_torque_N_m(amplifiers_.current_A(delay_s));
-  return {state.joint_rad_s,
-          arm_.acceleration_rad_s2(state.joint_rad, state.joint_rad_s, drive_N_m, force_N),
-          {state.hand.velocity_m_s,
-           hand_.acceleration_m_s2(state.hand, intended_.at(time_s_ + delay_s), force_N)}};
+  return {
+      state.joint_rad_s,
+      arm_.acceleration_rad_s2(state.joint_rad, state.joint_rad_s, drive_N_m, force_N),
+      {state.hand.velocity_m_s, hand_.acceleration_m_s2(state.hand, intended(time_s_ + delay_s), force_N)}};
 }
 
 void Plant::substep(double step_s) {

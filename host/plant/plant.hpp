@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "host/plant/amplifiers.hpp"
@@ -64,6 +65,11 @@ class Plant {
   // scripted path that leaves the arm's workspace, and std::runtime_error when the state stops being finite.
   void advance(const std::array<float, 3>& setpoint_A, bool enabled, double duration_s);
 
+  // From now on the hand intends to be at this point, which goes on at its velocity until the next call; the
+  // path does not count any more. Throws std::invalid_argument for a point that is not finite and for a hand
+  // of another kind than impedance.
+  void guide(const PathPoint& intended);
+
   // grip in [0, 1], from now on; throws std::invalid_argument. Without effect on a scripted tip.
   void set_grip(double grip);
 
@@ -98,6 +104,7 @@ class Plant {
   void integrate(double duration_s);
   void follow_script(double duration_s);
   void go_on_in_record(double duration_s);
+  [[nodiscard]] PathPoint intended(double time_s) const;
   [[nodiscard]] std::size_t recorded_tick() const;
 
   HandKind hand_kind_;
@@ -112,6 +119,8 @@ class Plant {
   State state_{};
   Vec3d joint_rad_s2_{};  // scripted: mean over the last advance()
   RecordedMotion recorded_{};
+  std::optional<PathPoint> guide_;
+  double guided_at_s_ = 0.0;
 };
 
 }  // namespace palpate::plant

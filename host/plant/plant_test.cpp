@@ -336,6 +336,22 @@ TEST(RecordedMotion, RefusesBadInput) {
   EXPECT_THROW(Plant(PlantParameters{}, RecordedMotion{{{1, 2, 3}}, {}}), std::invalid_argument);
 }
 
+TEST(Plant, AGuidedHandForgetsItsPath) {
+  // Both go to the same place, one by its path, one by its guide.
+  Plant guided(PlantParameters{}, place({})),
+      scripted(PlantParameters{}, TipPath::samples({{0.0, {}}, {0.1, {0.01, 0.0, 0.0}}}));
+  for (int tick = 0; tick < 100; ++tick) {
+    guided.guide({{0.1 * tick * kTick_s, 0.0, 0.0}, {0.1, 0.0, 0.0}});
+    guided.advance(kNoCurrent, false, kTick_s);
+    scripted.advance(kNoCurrent, false, kTick_s);
+  }
+  EXPECT_NEAR(norm(guided.tip_position_m() - scripted.tip_position_m()), 0.0, 1e-9);
+  EXPECT_GT(guided.tip_position_m().x, 0.005);
+  EXPECT_THROW(guided.guide({{std::nan(""), 0.0, 0.0}, {}}), std::invalid_argument);
+  Plant other(PlantParameters{.hand_kind = HandKind::scripted}, place({}));
+  EXPECT_THROW(other.guide({}), std::invalid_argument);
+}
+
 TEST(Plant, TwoRunsAreEqualToTheBit) {
   const auto run = [] {
     Plant plant(PlantParameters{}, TipPath::minimum_jerk({{0.0, {}}, {0.2, {0.02, 0.01, 0.03}}}));

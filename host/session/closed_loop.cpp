@@ -44,7 +44,8 @@ lockstep::SensorFrame ClosedLoop::sensors() {
   sensors.current_A = plant_.measured_current_A();
   if (emergency_stop_ || contains(config_.emergency_stop_ticks, tick_))
     sensors.flags |= lockstep::kEmergencyStop;
-  if (contains(config_.overlong_ticks, tick_)) sensors.flags |= lockstep::kBurnCycles;
+  if (burn_ || contains(config_.overlong_ticks, tick_)) sensors.flags |= lockstep::kBurnCycles;
+  burn_ = false;
   // After lost ticks more has arrived than the exchange holds: the rest waits for the ticks to come.
   const std::vector<std::uint8_t> arrived = down_.deliver(tick_);
   to_board_.insert(to_board_.end(), arrived.begin(), arrived.end());
@@ -78,7 +79,9 @@ LoopTick ClosedLoop::advance() {
   require(row.board.next_tick > tick_, "its next tick is not after the present one");
   const std::uint32_t elapsed = row.board.next_tick - tick_;  // more than 1 where deadlines were missed
 
-  (void)up_.submit(faults_up_.apply(std::span(row.board.link).first(row.board.link_length)), tick_);
+  const std::vector<std::uint8_t> from_board =
+      faults_up_.apply(std::span(row.board.link).first(row.board.link_length));
+  if (!unplugged_) (void)up_.submit(from_board, tick_);
   plant_.advance(row.board.setpoint_A, row.board.enabled != 0, elapsed * kTick_s);
   tick_ += elapsed;
 
@@ -88,8 +91,13 @@ LoopTick ClosedLoop::advance() {
   host_.receive(to_host, tick_);
   for (const link::OutgoingFrame& frame :
        host_.poll(tick_, down_.backlog_bytes(tick_), down_.bytes_per_tick()))
-    (void)down_.submit(faults_down_.apply(frame.bytes), tick_);
+    if (const std::vector<std::uint8_t> bytes = faults_down_.apply(frame.bytes); !unplugged_)
+      (void)down_.submit(bytes, tick_);
   return row;
+}
+
+void ClosedLoop::add_fault(bool to_board, const link::Fault& fault) {
+  (void)(to_board ? faults_down_ : faults_up_).add(fault);
 }
 
 void ClosedLoop::shut_down() {

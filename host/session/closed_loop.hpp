@@ -40,6 +40,13 @@ class ClosedLoop {
   [[nodiscard]] const LoopHost& host() const { return host_; }
   // Opens the chain of the emergency stop, or closes it.
   void set_emergency_stop(bool open) { emergency_stop_ = open; }
+  // The cable is out, or in again; what has passed it arrives.
+  void set_unplugged(bool unplugged) { unplugged_ = unplugged; }
+  // The board computes for 2.5 ticks more in the next one.
+  void burn_next_tick() { burn_ = true; }
+  // A fault of a frame to come, on the link to the board or to the host (FaultPlan::add); the first one that
+  // is planned for a frame counts.
+  void add_fault(bool to_board, const link::Fault& fault);
 
  private:
   [[nodiscard]] lockstep::SensorFrame sensors();
@@ -53,7 +60,7 @@ class ClosedLoop {
   std::size_t next_grip_ = 0;
   std::deque<std::uint8_t> to_board_;  // arrived, and not in the exchange yet
   std::uint32_t tick_ = 0;
-  bool emergency_stop_ = false;
+  bool emergency_stop_ = false, unplugged_ = false, burn_ = false;
 };
 
 // Runs `config.ticks` servo ticks and shuts the board down. Throws as ClosedLoop does;

@@ -7,65 +7,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 #include <memory>
 #include <numbers>
 #include <optional>
 #include <vector>
 
-#include "boards/lockstep/emulated_board.hpp"
-#include "firmware/app/app.hpp"
 #include "host/link/can_cost.hpp"
 #include "host/link/uart.hpp"
+#include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
 #include "shared/wire/frame_receiver.hpp"
 
 namespace palpate::host {
 namespace {
-
-// One SensorFrame at a time goes in, one ActuatorFrame comes out.
-struct MemoryPlatform {
-  lockstep::SensorFrame sensors{};
-  lockstep::ActuatorFrame actuators{};
-  std::optional<lockstep::ExitCode> exited{};
-
-  [[nodiscard]] bool has_plant() const { return true; }
-  bool read_sensors(std::span<std::byte> bytes) {
-    std::memcpy(bytes.data(), &sensors, bytes.size());
-    return true;
-  }
-  bool write_actuators(std::span<const std::byte> bytes) {
-    std::memcpy(&actuators, bytes.data(), bytes.size());
-    return true;
-  }
-  void exit(lockstep::ExitCode code) { exited = code; }
-  [[nodiscard]] std::uint32_t clock_count() const { return 0; }
-  [[nodiscard]] std::uint32_t clock_Hz() const { return 0; }
-  [[nodiscard]] std::uint32_t first_due_count() const { return 0; }
-  void burn() {}
-  void crash() {}
-  void transmit(firmware::LinkBuffers&) {}
-};
-
-class MemoryPeer final : public LockstepPeer {
- public:
-  void send(const lockstep::SensorFrame& frame) override { platform_.sensors = frame; }
-  void receive(lockstep::ActuatorFrame& frame) override {
-    app_->isr_tick();
-    app_->background();
-    frame = platform_.actuators;
-  }
-  [[nodiscard]] bool has_shut_down() const { return platform_.exited == lockstep::ExitCode::shutdown; }
-
- private:
-  using Board = board::EmulatedBoard<MemoryPlatform>;
-  MemoryPlatform platform_;
-  std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
-  std::unique_ptr<Board> board_ = std::make_unique<Board>(platform_, *frames_);
-  std::unique_ptr<firmware::App<Board>> app_ = std::make_unique<firmware::App<Board>>(
-      *board_, firmware::BoardIdentity{"memory", "0"}, firmware::kCatchUpCortexM4);
-};
 
 // A frame that the host handed to its link.
 struct Handed {
@@ -152,7 +107,7 @@ Outcome run(std::uint32_t baud, const TraceWish& trace) {
   plant::Plant plant(parameters, plant::TipPath::minimum_jerk({{0.1, {-0.026, 0.002, -0.0195}},
                                                                {0.35, {-0.026, 0.002, -0.023}},
                                                                {1.0, {-0.006, 0.002, -0.023}}}));
-  MemoryPeer board;
+  test::MemoryPeer board;
   Watched down(baud);
   link::Uart up(baud);
   Outcome outcome{run_closed_loop(body, body.rest_state(), plant, board, down, up, config, {}),

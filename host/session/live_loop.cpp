@@ -1,0 +1,264 @@
+#include "host/session/live_loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+#include "host/plant/check.hpp"
+#include "shared/servo_tick.hpp"
+
+namespace palpate::host {
+namespace {
+
+// While paused, and at most that long between two looks at the controls.
+constexpr std::chrono::milliseconds kPause{5};
+constexpr double kAtPath_m = 1e-4;  // the hand is there, and the path begins
+
+ClosedLoopConfig without_script(ClosedLoopConfig config) {
+  config.grip_changes.clear();
+  config.probe_node.reset();
+  return config;
+}
+
+}  // namespace
+
+LiveLoop::LiveLoop(LiveSetup setup)
+    : body_(std::move(setup.body)),
+      path_(std::move(setup.path)),
+      reach_(setup.plant.arm),
+      board_(std::move(setup.board)),
+      down_(std::move(setup.down)),
+      up_(std::move(setup.up)),
+      plant_(setup.plant, path_),
+      guide_(setup.guide, path_.at(0.0).position_m),
+      loop_(body_, setup.start, plant_, *board_, *down_, *up_, without_script(std::move(setup.loop))) {
+  plant_.guide(guide_.now());  // refuses another kind of hand now
+}
+
+LiveLoop::~LiveLoop() {
+  stop();
+}
+
+void LiveLoop::start() {
+  if (thread_.joinable() || stop_) throw std::logic_error("live loop: it has been started already");
+  status_.running = true;
+  thread_ = std::thread([this] { run(); });
+}
+
+void LiveLoop::stop() {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void LiveLoop::run() {
+  std::string error;
+  try {
+    auto began = Clock::now();
+    std::uint32_t began_tick = loop_.tick();
+    const auto begin_anew = [&] {
+      began = Clock::now();
+      began_tick = loop_.tick();
+    };
+    while (!stop_) {
+      std::vector<std::function<void()>> controls;
+      {
+        const std::lock_guard lock(mutex_);
+        controls.swap(controls_);
+      }
+      const double speed_before = speed_;
+      for (const auto& control : controls) control();
+      if (speed_ <= 0.0) {
+        std::this_thread::sleep_for(kPause);
+        begin_anew();
+        continue;
+      }
+      if (speed_ != speed_before) begin_anew();
+
+      const std::chrono::duration<double> should(static_cast<double>(loop_.tick() - began_tick) * kTick_s /
+                                                 speed_);
+      const auto due = began + std::chrono::duration_cast<Clock::duration>(should);
+      std::this_thread::sleep_until(due);
+      const auto now = Clock::now();
+      LiveTick tick;
+      const double behind_s = std::chrono::duration<double>(now - due).count();
+      tick.late_s = static_cast<float>(behind_s);
+      if (behind_s > kMostBehind_s) {
+        begin_anew();
+        const std::lock_guard lock(mutex_);
+        status_.slipped_s += behind_s;
+      }
+      plant_.guide(intended());
+      tick.loop = loop_.advance();
+      tick.took_s = std::chrono::duration<float>(Clock::now() - now).count();
+      publish(tick);
+    }
+    loop_.shut_down();
+  } catch (const std::exception& problem) {
+    error = problem.what();
+  }
+  const std::lock_guard lock(mutex_);
+  status_.running = false;
+  status_.error = std::move(error);
+}
+
+plant::PathPoint LiveLoop::intended() {
+  if (path_began_s_) {
+    const plant::PathPoint point = path_.at(plant_.time_s() - *path_began_s_);
+    guide_.jump_to(point.position_m);
+    return point;
+  }
+  const plant::PathPoint point = guide_.advance(kTick_s);
+  if (going_to_path_ && norm(point.position_m - path_.at(0.0).position_m) < kAtPath_m) {
+    going_to_path_ = false;
+    path_began_s_ = plant_.time_s();
+  }
+  return point;
+}
+
+void LiveLoop::publish(const LiveTick& tick) {
+  std::shared_ptr<LivePicture> picture;
+  // A copy of the body costs time: not for nobody.
+  if (picture_wanted_) {
+    const Session& session = loop_.host().session();
+    std::uint32_t shown = 0;
+    bool none = true;
+    {
+      const std::lock_guard lock(mutex_);
+      if (picture_) {
+        none = false;
+        shown = picture_->tick;
+      }
+    }
+    if (none || session.tick() != shown)
+      picture = std::make_shared<LivePicture>(
+          LivePicture{session.tick(), session.state(), loop_.host().patch_nodes()});
+  }
+  const std::lock_guard lock(mutex_);
+  if (picture) {
+    picture_ = std::move(picture);
+    picture_wanted_ = false;
+  }
+  ticks_.push_back(tick);
+  if (ticks_.size() > kMostTicks) {
+    ticks_.pop_front();
+    ++status_.ticks_unseen;
+  }
+  publish_updates();
+  status_.tick = loop_.tick();
+  status_.counters = loop_.host().counters();
+  status_.board = loop_.host().board_status();
+  status_.down = down_->counters();
+  status_.up = up_->counters();
+}
+
+void LiveLoop::publish_updates() {
+  const std::vector<UpdateRecord>& all = loop_.host().updates();
+  for (; updates_given_ < all.size(); ++updates_given_) {
+    const UpdateRecord& update = all[updates_given_];
+    if (update.status == UpdateRecord::kNeverHeard && loop_.tick() < update.sent_tick + kUpdateSettles_ticks)
+      return;
+    updates_.push_back(update);
+    if (updates_.size() > kMostUpdates) updates_.pop_front();
+  }
+}
+
+void LiveLoop::post(std::function<void()> control) {
+  const std::lock_guard lock(mutex_);
+  controls_.push_back(std::move(control));
+}
+
+bool LiveLoop::guide_hand(const Vec3d& target_m) {
+  try {
+    (void)reach_.joint_angles_rad(target_m, "target of the hand");
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+  post([this, target_m] {
+    path_began_s_.reset();
+    going_to_path_ = false;
+    guide_.set_target(target_m);
+  });
+  return true;
+}
+
+void LiveLoop::play_path() {
+  post([this] {
+    path_began_s_.reset();
+    going_to_path_ = true;
+    guide_.set_target(path_.at(0.0).position_m);
+  });
+}
+
+void LiveLoop::set_grip(double grip) {
+  plant::require_range("grip", grip, 0.0, 1.0);
+  post([this, grip] { plant_.set_grip(grip); });
+}
+
+void LiveLoop::arm() {
+  post([this] { loop_.host().arm(); });
+}
+
+void LiveLoop::command(firmware::Action action) {
+  post([this, action] { loop_.host().command(action); });
+}
+
+void LiveLoop::set_emergency_stop(bool open) {
+  post([this, open] { loop_.set_emergency_stop(open); });
+}
+
+void LiveLoop::set_unplugged(bool unplugged) {
+  post([this, unplugged] { loop_.set_unplugged(unplugged); });
+}
+
+void LiveLoop::burn_next_tick() {
+  post([this] { loop_.burn_next_tick(); });
+}
+
+void LiveLoop::add_faults(bool to_board, link::FaultKind kind, std::size_t argument, std::uint32_t count) {
+  plant::require_range("number of frames with faults", count, 1.0, 1000.0);
+  if (kind == link::FaultKind::reorder)
+    plant::require_range("frames that come before", static_cast<double>(argument), 1.0, 1000.0);
+  post([=, this] {
+    for (std::uint64_t frame = 0; frame < count; ++frame) loop_.add_fault(to_board, {frame, kind, argument});
+  });
+}
+
+void LiveLoop::set_host_delay(std::uint32_t ticks) {
+  plant::require_range("host delay in ticks", ticks, 0.0, 1000.0);
+  post([this, ticks] { loop_.host().set_delay(ticks); });
+}
+
+void LiveLoop::set_speed(double speed) {
+  plant::require_range("speed", speed, 0.0, 10.0);
+  post([this, speed] { speed_ = speed; });
+}
+
+std::vector<LiveTick> LiveLoop::take_ticks() {
+  const std::lock_guard lock(mutex_);
+  std::vector<LiveTick> ticks(ticks_.begin(), ticks_.end());
+  ticks_.clear();
+  return ticks;
+}
+
+std::vector<UpdateRecord> LiveLoop::take_updates() {
+  const std::lock_guard lock(mutex_);
+  std::vector<UpdateRecord> updates(updates_.begin(), updates_.end());
+  updates_.clear();
+  return updates;
+}
+
+std::shared_ptr<const LivePicture> LiveLoop::take_picture() {
+  const std::lock_guard lock(mutex_);
+  if (picture_wanted_) return nullptr;
+  picture_wanted_ = true;
+  return picture_;
+}
+
+LiveStatus LiveLoop::status() const {
+  const std::lock_guard lock(mutex_);
+  return status_;
+}
+
+}  // namespace palpate::host

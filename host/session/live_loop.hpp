@@ -1,0 +1,145 @@
+// A closed loop without an end, in a thread of its own, paced by the wall clock: what a person's screen shows
+// and a person's hand moves.
+//
+// The loop stays in virtual time; the thread only waits for the wall clock between two ticks, and where it
+// has fallen behind too far it lets the wall clock go on without it. Nobody makes it wait: controls are
+// picked up between two ticks, and what it has to show is left in buffers of fixed length, whose oldest
+// entries go when nobody fetches them.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "host/link/medium.hpp"
+#include "host/msd/body.hpp"
+#include "host/plant/hand_guide.hpp"
+#include "host/plant/plant.hpp"
+#include "host/session/closed_loop.hpp"
+
+namespace palpate::host {
+
+struct LiveSetup {
+  Body body;
+  BodyState start;
+  plant::PlantParameters plant{};  // a hand of kind impedance
+  plant::TipPath path;             // the hand begins at its beginning; play_path() follows it
+  plant::HandGuideParameters guide{};
+  std::unique_ptr<LockstepPeer> board;
+  std::unique_ptr<link::Medium> down, up;
+  ClosedLoopConfig loop{};  // ticks, grip_changes and probe_node have no effect
+};
+
+// A tick, and how the wall clock saw it.
+struct LiveTick {
+  LoopTick loop{};
+  float late_s = 0.0f;  // from when it should have begun to when it began; negative never
+  float took_s = 0.0f;  // board, plant and host
+};
+
+// The body as the session has it, for drawing.
+struct LivePicture {
+  std::uint32_t tick = 0;
+  BodyState state;
+  std::vector<int> patch_nodes;  // of the newest model
+};
+
+struct LiveStatus {
+  std::uint32_t tick = 0;
+  LoopCounters counters{};
+  std::optional<palpate_BoardStatus_1_0> board;  // as it came over the link
+  link::MediumCounters down{}, up{};
+  double slipped_s = 0.0;          // wall clock that went on without the loop
+  std::uint64_t ticks_unseen = 0;  // went because nobody took them
+  bool running = false;
+  std::string error;  // why it ended by itself; empty: it did not
+};
+
+class LiveLoop {
+ public:
+  // Longest wall-clock delay that is made up for afterwards.
+  static constexpr double kMostBehind_s = 0.05;
+  static constexpr std::size_t kMostTicks = 4000, kMostUpdates = 1000;
+  // A status of the board for a model is waited for that long before its row is given away as it is.
+  static constexpr std::uint32_t kUpdateSettles_ticks = 1500;
+
+  // Throws what ClosedLoop, plant and guide throw.
+  explicit LiveLoop(LiveSetup setup);
+  // Stops.
+  ~LiveLoop();
+  LiveLoop(const LiveLoop&) = delete;
+  LiveLoop& operator=(const LiveLoop&) = delete;
+
+  // Once.
+  void start();
+  // Ends the thread and tells the board to end; any number of times.
+  void stop();
+
+  // Controls, from any thread; in effect from the next tick on. Those that throw std::invalid_argument have
+  // no effect then. False, and no effect, where the arm cannot reach (a mouse goes anywhere).
+  bool guide_hand(const Vec3d& target_m);
+  // The hand follows the path from its beginning, after going there; guide_hand() ends it.
+  void play_path();
+  void set_grip(double grip);
+  void arm();
+  void command(firmware::Action action);
+  void set_emergency_stop(bool open);
+  void set_unplugged(bool unplugged);
+  void burn_next_tick();
+  // The next `count` frames in 1 to 1000.
+  void add_faults(bool to_board, link::FaultKind kind, std::size_t argument, std::uint32_t count);
+  void set_host_delay(std::uint32_t ticks);
+  // Of virtual over wall-clock time, in (0, 10]; 0 pauses.
+  void set_speed(double speed);
+
+  // Since the call before, at most the newest kMostTicks.
+  std::vector<LiveTick> take_ticks();
+  // Models of which no more news will come, oldest first.
+  std::vector<UpdateRecord> take_updates();
+  // The newest, or null where it is the one of the call before. None is made until this one is fetched.
+  std::shared_ptr<const LivePicture> take_picture();
+  [[nodiscard]] LiveStatus status() const;
+  [[nodiscard]] const Body& body() const { return body_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void run();
+  void post(std::function<void()> control);
+  [[nodiscard]] plant::PathPoint intended();
+  void publish(const LiveTick& tick);
+  void publish_updates();
+
+  const Body body_;
+  plant::TipPath path_;
+  plant::ArmPlant reach_;  // for other threads: has no state
+  std::unique_ptr<LockstepPeer> board_;
+  std::unique_ptr<link::Medium> down_, up_;
+  // The loop's thread alone.
+  plant::Plant plant_;
+  plant::HandGuide guide_;
+  ClosedLoop loop_;
+  std::optional<double> path_began_s_;  // virtual time; none: the hand follows the guide
+  bool going_to_path_ = false;
+  double speed_ = 1.0;
+  std::size_t updates_given_ = 0;
+
+  mutable std::mutex mutex_;  // of what follows
+  std::vector<std::function<void()>> controls_;
+  std::deque<LiveTick> ticks_;
+  std::deque<UpdateRecord> updates_;
+  std::shared_ptr<const LivePicture> picture_;
+  LiveStatus status_;
+
+  std::atomic<bool> stop_{false}, picture_wanted_{true};
+  std::thread thread_;
+};
+
+}  // namespace palpate::host
