@@ -2,6 +2,6 @@
 
 import sys
 
-from palpate.cli import main
+from palpate.cli import entry
 
-sys.exit(main(sys.argv[1:]))
+sys.exit(entry())

@@ -471,3 +471,8 @@ def main(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         _complain(arguments, f"palpate {arguments.command}: interrupted")
         return INTERRUPTED
+
+
+def entry() -> int:
+    """The command `palpate` of an installed wheel."""
+    return main(sys.argv[1:])
