@@ -145,6 +145,14 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="X",
         help="exit code 1 where the force differs by more than X newtons in any tick (default: it may)",
     )
+    plot = add("plot", "draw a record: forces, path, link, timing")
+    plot.add_argument("file", type=Path, metavar="FILE", help="record.h5 of any command; may be interrupted")
+    add_out(plot, "out/plot")
+    plot.add_argument("--from", dest="from_s", type=float, metavar="T", help="begin at this time in s (default: the record's)")
+    plot.add_argument("--to", dest="to_s", type=float, metavar="T", help="end at this time in s (default: the record's)")
+    plot.add_argument(
+        "--what", metavar="LIST", help="some of forces,path,link,timing (default: all that the record has)"
+    )
     simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
     add_scene(simulate_command)
     add_out(simulate_command, "out/<name of the scene>")
@@ -268,6 +276,11 @@ def _short(file: Path) -> str:
     return str(absolute.relative_to(Path.cwd())) if absolute.is_relative_to(Path.cwd()) else str(file)
 
 
+def _print_files(files: Mapping[str, str], table: TextIO) -> None:
+    for i, written in enumerate(files.values()):
+        print(f"  {'wrote' if i == 0 else '':<46}{_short(Path(written))}", file=table)
+
+
 def _report(arguments: argparse.Namespace, scene: Scene, outcome: Outcome) -> None:
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(format_table(scene.sections.title, outcome), file=table)
@@ -336,6 +349,21 @@ def _replay(arguments: argparse.Namespace) -> int:
     return FAILED if failures else OK
 
 
+def _plot(arguments: argparse.Namespace) -> int:
+    from palpate import plot
+
+    what = None if arguments.what is None else [name.strip() for name in arguments.what.split(",")]
+    folder = _output_folder(arguments, "plot")
+    values = plot.plot(arguments.file, what, arguments.from_s, arguments.to_s, folder)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    for label, text in plot.format_table(values):
+        print(f"  {label:<46}{text}", file=table)
+    _print_files(values["files"], table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    return OK
+
+
 def _reproduce(arguments: argparse.Namespace) -> int:
     from palpate.reproduce import command
 
@@ -386,8 +414,7 @@ def _reduce(arguments: argparse.Namespace) -> int:
         values, text, good = command.reduce_body(_core, request, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(text, file=table)
-    for i, written in enumerate(values["files"].values()):
-        print(f"  {'wrote' if i == 0 else '':<46}{_short(Path(written))}", file=table)
+    _print_files(values["files"], table)
     if arguments.json:
         print(json.dumps(values, allow_nan=False))
     return OK if good else FAILED
@@ -403,8 +430,7 @@ def _bench(arguments: argparse.Namespace) -> int:
     values, points = command.bench_frontier(_core, arguments.quick, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(command.format_tables(values, points), file=table)
-    for i, written in enumerate(values["files"].values()):
-        print(f"  {'wrote' if i == 0 else '':<46}{_short(Path(written))}", file=table)
+    _print_files(values["files"], table)
     if arguments.json:
         print(json.dumps(values, allow_nan=False))
     faults = [point.point.name for point in points if point.metrics["faults"] != 0]
@@ -454,6 +480,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         commands = {
             "replay": _replay,
+            "plot": _plot,
             "test": _test,
             "reproduce": _reproduce,
             "reduce": _reduce,

@@ -10,6 +10,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run replay out/press/record.h5",
         "./run replay out/press/record.h5 --set model.builder=krylov --board native --tolerance-N 0.5",
     ),
+    "plot": ("./run plot out/press/record.h5", "./run plot out/press/record.h5 --from 0.4 --to 0.7 --what forces,path"),
     "simulate": ("./run simulate scenes/wave2d.toml", "./run simulate scenes/press.toml --set duration_s=0.5 --json"),
     "reproduce": ("./run reproduce fig14", "./run reproduce --hil --out out/hil"),
     "reduce": (

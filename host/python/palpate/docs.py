@@ -117,6 +117,7 @@ def blocks() -> dict[str, str]:
         "scene_keys": scene_tables(),
         "run_summary": summary_table(summary.RUN_KEYS),
         "replay_summary": summary_table(summary.REPLAY_KEYS),
+        "plot_keys": summary_table(summary.PLOT_KEYS),
         "simulate_summary": summary_table(summary.SIMULATE_KEYS),
         "run_datasets": dataset_table(record_layout.RUN),
         "simulate_datasets": dataset_table(record_layout.SIMULATE),

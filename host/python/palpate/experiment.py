@@ -268,15 +268,17 @@ def model_age_ticks(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     return age
 
 
-def _rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+def rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     """Normals (n, 3) for splitting the rendered forces. A held force comes without one: in its ticks that of the
-    reference, or else of the triangle at rest."""
+    reference, or else of the triangle at rest; zero where there is no body either."""
     normal = values["ticks/normal"].astype(np.float64)
     touching = values["ticks/contact_mode"] != 0
     if "reference/normal" in values:
         unknown = touching & ~np.any(normal, axis=1) & np.all(np.isfinite(values["reference/normal"]), axis=1)
         normal[unknown] = values["reference/normal"][unknown]
     unknown = touching & ~np.any(normal, axis=1)
+    if "body/rest_m" not in values:
+        return normal
     a, b, c = np.moveaxis(values["body/rest_m"][values["body/triangles"][values["ticks/triangle"][unknown]]], 1, 0)
     at_rest = np.cross(b - a, c - a)
     normal[unknown] = at_rest / np.linalg.norm(at_rest, axis=1, keepdims=True)
@@ -296,7 +298,7 @@ def _draw_run(files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], t
         files.add("forces.png"),
         title=_title(scene, f"firmware on {scene.sections.board.name}"),
         time_s=time_s,
-        rendered=figures.ForceTrace(values["ticks/force_N"], mode, _rendered_normal(values)),
+        rendered=figures.ForceTrace(values["ticks/force_N"], mode, rendered_normal(values)),
         friction=touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=model_age_ticks(values),

@@ -30,6 +30,9 @@ _DEFORMATION = LinearSegmentedColormap.from_list(
     "deformation", ["#cfd6dc", "#8fbcdc", "#3f86bd", "#28529c", "#4b1566", "#2a0632"]
 )
 _MM = 1e3
+_TICK_S = 1e-3
+# Shorter ones are overlong ticks of the board: a line may go straight over them.
+_LONG_GAP_S = 4.5e-3
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,17 @@ class BodyShape:
     triangles: Array
     lattice: tuple[int, int, int]
     patch_nodes: Array
+
+
+def with_breaks(time_s: Array, *columns: Array) -> list[Array]:
+    """The times (n,) and columns (n, ...), with a row of NaN in each long gap of the times, so that no line crosses it."""
+    gaps = np.flatnonzero(np.diff(time_s) > _LONG_GAP_S) + 1
+    if not len(gaps):
+        return [time_s, *columns]
+    return [
+        np.insert(time_s, gaps, time_s[gaps]),
+        *(np.insert(column.astype(np.float64), gaps, np.nan, axis=0) for column in columns),
+    ]
 
 
 def split_force(force_N: Array, normal: Array) -> tuple[Array, Array]:
@@ -105,18 +119,18 @@ def _draw_forces(
     reference: ForceTrace | None,
     names: tuple[str, str],
 ) -> None:
-    pressing_N, tangential_N = split_force(rendered.force_N, rendered.normal)
+    line_s, pressing_N, tangential_N = with_breaks(time_s, *split_force(rendered.force_N, rendered.normal))
     if friction.any():
-        _draw_cone(axes, time_s, pressing_N, friction)
+        _draw_cone(axes, line_s, pressing_N, *with_breaks(time_s, friction)[1:])
     lengths_N = [np.linalg.norm(rendered.force_N, axis=1)]
     if reference is not None:  # broad and light, below the rendered forces: where they agree both are seen
-        normal_N, tangent_N = split_force(reference.force_N, reference.normal)
-        axes.plot(time_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=rf"$f_n$, {names[1]}")
-        axes.plot(time_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=rf"$|f_t|$, {names[1]}")
+        _, normal_N, tangent_N = with_breaks(time_s, *split_force(reference.force_N, reference.normal))
+        axes.plot(line_s, normal_N, color=_NORMAL_LIGHT, linewidth=2.6, label=rf"$f_n$, {names[1]}")
+        axes.plot(line_s, tangent_N, color=_TANGENTIAL_LIGHT, linewidth=2.6, label=rf"$|f_t|$, {names[1]}")
         lengths_N.append(np.linalg.norm(reference.force_N, axis=1))
-    axes.plot(time_s, pressing_N, color=_NORMAL, linewidth=0.8, label=rf"normal $f_n$, {names[0]}")
+    axes.plot(line_s, pressing_N, color=_NORMAL, linewidth=0.8, label=rf"normal $f_n$, {names[0]}")
     label = rf"tangential $|f_t|$, {names[0]}"
-    axes.plot(time_s, tangential_N, color=_TANGENTIAL, linewidth=0.8, label=label)
+    axes.plot(line_s, tangential_N, color=_TANGENTIAL, linewidth=0.8, label=label)
     # A wide friction cone may leave the picture: the forces must not shrink for it.
     largest_N = max(1e-3, *(float(length_N.max()) for length_N in lengths_N))
     axes.set_ylim(-0.03 * largest_N, 1.1 * largest_N)
@@ -127,13 +141,14 @@ def _draw_forces(
 
 def _draw_cone(axes: Axes, time_s: Array, pressing_N: Array, friction: Array) -> None:
     static, kinetic = friction.T
-    different = np.unique(friction[friction[:, 0] > 0.0], axis=0)
+    touching = np.nan_to_num(static) > 0.0
+    different = np.unique(friction[touching], axis=0)
     label = rf"friction cone: {different[0, 0]:g} $f_n$"
     if len(different) > 1:
         label = r"friction cone $\mu f_n$ of the triangle touched"
     elif different[0, 0] != different[0, 1]:
         label = rf"friction cones: {different[0, 0]:g} $f_n$ (static), {different[0, 1]:g} $f_n$ (kinetic)"
-    if not np.array_equal(static, kinetic):
+    if not np.array_equal(static[touching], kinetic[touching]):
         axes.plot(time_s, kinetic * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (1, 1.5)))
     axes.fill_between(time_s, 0.0, static * pressing_N, color=_CONE, alpha=0.10, linewidth=0)
     axes.plot(time_s, static * pressing_N, color=_CONE, linewidth=0.9, linestyle=(0, (4, 2)), label=label)
@@ -143,15 +158,18 @@ def _draw_modes(
     axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace | None, names: tuple[str, str]
 ) -> None:
     rows = [(names[0], rendered.contact_mode)] + ([(names[1], reference.contact_mode)] if reference else [])
-    tick_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1e-3
+    tick = np.rint(time_s / _TICK_S).astype(np.int64)
+    strip = np.full((len(rows), int(tick[-1] - tick[0]) + 1), np.nan)  # white where a record has no tick
+    for i, (_, mode) in enumerate(rows):
+        strip[i, tick - tick[0]] = mode
     axes.imshow(
-        np.stack([mode for _, mode in rows]),
+        strip,
         aspect="auto",
         interpolation="nearest",
         cmap=ListedColormap(_MODE_COLOURS),
         vmin=0,
         vmax=2,
-        extent=(float(time_s[0]) - 0.5 * tick_s, float(time_s[-1]) + 0.5 * tick_s, len(rows) - 0.5, -0.5),
+        extent=(_TICK_S * (tick[0] - 0.5), _TICK_S * (tick[-1] + 0.5), len(rows) - 0.5, -0.5),
     )
     axes.hlines(np.arange(1, len(rows)) - 0.5, *axes.get_xlim(), color="white", linewidth=2.0)
     axes.set_yticks(range(len(rows)), [row for row, _ in rows], fontsize=8)
@@ -165,14 +183,14 @@ def _draw_modes(
 
 def _draw_error(axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace, name: str) -> None:
     error_mN = _MM * np.linalg.norm(rendered.force_N - reference.force_N, axis=1)
-    axes.plot(time_s, error_mN, color=_ERROR, linewidth=0.9)
+    axes.plot(*with_breaks(time_s, error_mN), color=_ERROR, linewidth=0.9)
     axes.set_ylabel(f"{name} [mN]")
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.25)
 
 
 def _draw_age(axes: Axes, time_s: Array, model_age_ticks: Array) -> None:
-    axes.plot(time_s, model_age_ticks, color=_AGE, linewidth=0.8)
+    axes.plot(*with_breaks(time_s, model_age_ticks), color=_AGE, linewidth=0.8)
     axes.set_ylabel("age of the\nmodel [ms]")
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.25)

@@ -167,6 +167,19 @@ REPLAY_KEYS = (
     ),
 )
 
+# What `palpate plot --json` prints.
+PLOT_KEYS = (
+    Key("command", "", "`plot`"),
+    Key("source", "", "the record"),
+    Key("kind", "", "`run`: with a board in the loop; `simulate`: without"),
+    Key("closed", "", "false: the recording was interrupted"),
+    Key("ticks", "ticks", "ticks that are drawn"),
+    Key("from_s", "s", "time of the first"),
+    Key("to_s", "s", "time of the last"),
+    Key("dropped_ticks", "ticks", "ticks that the disk was too slow for, in the whole recording"),
+    Key("files", "", "the pictures by name"),
+)
+
 # Boot, calibration and arming take 27 ticks over a fast link; a lost command is sent again 200 ticks later.
 _ARMING_TICKS = 500
 

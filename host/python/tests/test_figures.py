@@ -100,6 +100,15 @@ def test_sheet(tmp_path: Path) -> None:
     assert ink(tmp_path / "body.png") > INK_FRACTION
 
 
+def test_lines_break_at_long_gaps() -> None:
+    time_s = np.array([0.0, 0.001, 0.004, 0.1, 0.101])
+    line_s, value, vector = figures.with_breaks(time_s, np.arange(5), np.arange(10).reshape(5, 2))
+    np.testing.assert_array_equal(line_s, [0.0, 0.001, 0.004, 0.1, 0.1, 0.101])
+    np.testing.assert_array_equal(value, [0, 1, 2, np.nan, 3, 4])
+    np.testing.assert_array_equal(vector[3:], [[np.nan, np.nan], [6, 7], [8, 9]])
+    np.testing.assert_array_equal(figures.with_breaks(time_s[:3], time_s[:3])[1], time_s[:3])
+
+
 def test_split_of_a_force() -> None:
     normal = np.array([[0, 0, 1.0], [0, 0.6, 0.8], [np.nan] * 3, [0, 0, 0]])
     force_N = np.array([[3.0, 4.0, -2.0], [0.0, -0.6, -0.8], [0.0, 3.0, 4.0], [6.0, 0.0, -8.0]])

@@ -286,6 +286,11 @@ def test_a_killed_writer_leaves_the_rows_that_it_had_committed(tmp_path: Path, s
     assert len(loaded.values["ticks/tick"]) >= seen
     assert len(loaded.values["ticks/tick"]) % CHUNK_ROWS["ticks"] == 0
     assert_whole(loaded)
+    # What docs/records.md says to do for other programs.
+    assert not opens(file)
+    subprocess.run(["h5clear", "--status", str(file)], check=True)
+    assert opens(file)
+    assert_whole(record.load(file))
 
 
 def test_files_that_are_no_records_are_refused_on_one_line(tmp_path: Path, values: dict[str, Any]) -> None:
