@@ -1,14 +1,17 @@
-"""Writes the tables of docs/scenes.md, docs/records.md and docs/frontier.md from the declarations in the code.
+"""Writes the tables of docs/scenes.md, records.md and frontier.md from the declarations in the code, and that of numbers.md
+from the measurements in docs/numbers.
 
 `python -m palpate.docs` rewrites what stands between the markers `<!-- begin NAME -->` and `<!-- end NAME -->`;
 with `--check` it only says whether that would change anything.
 """
 
 import argparse
+import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from palpate import record_layout, summary
 from palpate.frontier import metrics, points
@@ -18,6 +21,7 @@ from palpate.scene_overrides import format_override
 from palpate.scene_schema import Choice, Flag, ListOf, TablesOf, Text, key_specs, section_specs
 from palpate.scene_sections import SceneFile
 
+NUMBERS = ROOT / "docs/numbers/scenes.json"
 _MARKED = re.compile(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", re.DOTALL)
 
 
@@ -111,6 +115,27 @@ def _settings(overrides: Mapping[str, object]) -> str:
     return ", ".join(f"`{format_override(*item)}`" for item in overrides.items())
 
 
+def numbers_table(measured: Mapping[str, Any]) -> str:
+    """The runs of docs/numbers/scenes.json (host/bench/scene_numbers.py)."""
+    rows = []
+    for run in measured["runs"]:
+        rows.append(
+            [
+                f"`{run['scene']}`",
+                f"`{run['builder']}`",
+                f"{run['rms_force_error_percent']:.2f} %",
+                f"{run['peak_force_N']:.2f} N",
+                f"{run['worst_tick_instructions']:,}",
+                f"{run['missed_deadlines']}",
+                f"{run['background_overruns']}",
+                f"{run['model_updates']}",
+                f"{run['link_bytes_per_s']['down'] / 1e3:.1f} kB/s",
+            ]
+        )
+    header = ["scene", "builder", "error", "peak force", "tick", "missed", "left over", "models", "link down"]
+    return f"Measured with version {measured['version']} on `{measured['board']}`.\n\n{_table(header, rows)}"
+
+
 def blocks() -> dict[str, str]:
     """Generated text by the name in its markers."""
     return {
@@ -136,6 +161,7 @@ def blocks() -> dict[str, str]:
         "frontier_sweeps": _table(
             ["sweep", "values"], [[f"`{name}`", "; ".join(values)] for name, values in points.SWEEPS.items()]
         ),
+        "scene_numbers": numbers_table(json.loads(NUMBERS.read_text("utf-8"))),
         "counters": _table(
             ["attribute", "meaning"], [[f"`{k}`", v] for k, v in record_layout.RUN_COUNTERS.items()]
         ),
@@ -148,7 +174,7 @@ def rewrite(text: str) -> str:
     return _MARKED.sub(lambda m: f"<!-- begin {m[1]} -->\n{generated[m[1]]}\n<!-- end {m[1]} -->", text)
 
 
-FILES = (ROOT / "docs/scenes.md", ROOT / "docs/records.md", ROOT / "docs/frontier.md")
+FILES = tuple(ROOT / f"docs/{name}.md" for name in ("scenes", "records", "frontier", "numbers"))
 
 
 def outdated(files: Sequence[Path] = FILES) -> list[Path]:

@@ -160,6 +160,12 @@ def check_format(log: IO[str]) -> Count:
     return _one("clang-format", _run(["clang-format", "--dry-run", "-Werror", *sources], log))
 
 
+def build_site(log: IO[str]) -> Count:
+    """The documentation's site builds without a warning; one test."""
+    site = ["-m", "mkdocs", "build", "--strict", "--site-dir", str(ROOT / "out/site")]
+    return _one("mkdocs --strict", _run([sys.executable, *site], log, {"NO_MKDOCS_2_WARNING": "1"}))
+
+
 def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
     """Configures, builds and runs the C++ tests of a preset."""
     folder = BUILD / preset
@@ -247,6 +253,7 @@ def stages(quick: bool) -> list[Stage]:
     """All stages, fast ones first."""
     result = [
         Stage("format", check_format),
+        Stage("docs", build_site),
         Stage("ctest host", lambda log: run_ctest("host", log)),
         Stage("pytest", lambda log: run_pytest(quick, log)),
     ]

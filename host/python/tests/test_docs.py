@@ -1,12 +1,16 @@
 """The documentation agrees with the code."""
 
+import json
 import re
+import sys
 from pathlib import Path
 
+import pytest
 from command import ROOT
 
 from palpate import docs
 from palpate.scene import load_scene
+from palpate.testing import build_site
 
 
 def test_generated_tables_are_up_to_date() -> None:
@@ -30,3 +34,28 @@ def test_the_example_in_the_scene_documentation_is_a_scene(tmp_path: Path) -> No
     for example in examples:
         (tmp_path / "example.toml").write_text(example)
         load_scene(tmp_path / "example.toml")
+
+
+def test_the_measured_numbers_are_those_of_a_run() -> None:
+    sys.path.insert(0, str(ROOT / "host/bench"))
+    try:
+        from scene_numbers import measure
+    finally:
+        sys.path.pop(0)
+    runs = json.loads(docs.NUMBERS.read_text("utf-8"))["runs"]
+    (kept,) = [run for run in runs if (run["scene"], run["builder"]) == ("stick", "krylov")]
+    # A process gives the record that QEMU gives, but for times (docs/architecture.md, "Lock-step").
+    now = measure("stick", "krylov", board="native")
+    same = ("ticks", "model_updates", "link_bytes_per_s", "peak_force_N", "rms_force_error_percent", "faults")
+    assert {key: now[key] for key in same} == {key: kept[key] for key in same}, (
+        "measure again: python host/bench/scene_numbers.py, then python -m palpate.docs"
+    )
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("w") as log:
+        assert build_site(log).failures == [], (tmp_path / "log").read_text()
+    for page in (ROOT / "out/site").rglob("*.html"):
+        fetched = re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]+", page.read_text("utf-8"))
+        assert fetched == [], page
