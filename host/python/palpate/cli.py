@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -16,8 +16,10 @@ from palpate.cli_examples import epilog
 from palpate.colour import Colour, paint
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
+from palpate.model_choice import measured_in
 from palpate.paths import ROOT, SCENES
-from palpate.record import BadRecord
+from palpate.record import BadRecord, read_record
+from palpate.record_layout import RUN
 from palpate.scene import Scene, SceneError, load_scene
 from palpate.scene_overrides import parse_override
 from palpate.summary import board_failures, suspicions
@@ -156,6 +158,12 @@ def build_parser() -> argparse.ArgumentParser:
     simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
     add_scene(simulate_command)
     add_out(simulate_command, "out/<name of the scene>")
+    choose = add("choose", "show what the rule makes of a scene's \"auto\", and why, line by line")
+    add_scene(choose)
+    add_board(choose)
+    choose.add_argument(
+        "--record", type=Path, metavar="FILE", help="record.h5 of a run: for the bandwidth and the latency that it measured"
+    )
     figures = add("reproduce", "repeat the paper's experiments, check its statements and write a report")
     figures.add_argument(
         "figures",
@@ -296,13 +304,14 @@ def _output_folder(arguments: argparse.Namespace, default: str) -> Path:
     return folder
 
 
-def _load_scene(file: Path, overrides: Sequence[str]) -> Scene:
-    return load_scene(file, dict(parse_override(text) for text in overrides))
+def _load_scene(file: Path, overrides: Sequence[str], board: str | None = None) -> Scene:
+    return load_scene(file, dict(parse_override(text) for text in overrides), board)
 
 
 def _experiment(arguments: argparse.Namespace) -> int:
     is_demo = arguments.command == "demo"
-    scene = _load_scene(SCENES / "demo.toml", []) if is_demo else _load_scene(arguments.scene, arguments.set)
+    file, overrides = (SCENES / "demo.toml", []) if is_demo else (arguments.scene, arguments.set)
+    scene = _load_scene(file, overrides, getattr(arguments, "board", None))
     folder = _output_folder(arguments, scene.file.stem)
     if arguments.command != "simulate":
         scene.require_path()
@@ -311,8 +320,8 @@ def _experiment(arguments: argparse.Namespace) -> int:
     if arguments.command == "simulate":
         _report(arguments, scene, simulate(_core, scene, folder, _progress))
         return OK
-    if arguments.board:
-        scene = scene.with_board(arguments.board)
+    for line in scene.choice.lines() if scene.choice else ():
+        print(line, file=sys.stderr)
     outcome = run(_core, scene, arguments.command, folder, _progress)
     _report(arguments, scene, outcome)
     failures, warnings = board_failures(outcome.summary), suspicions(outcome.summary)
@@ -361,6 +370,23 @@ def _plot(arguments: argparse.Namespace) -> int:
     _print_files(values["files"], table)
     if arguments.json:
         print(json.dumps(values, allow_nan=False))
+    return OK
+
+
+def _choose(arguments: argparse.Namespace) -> int:
+    measured = None
+    if arguments.record:
+        try:
+            measured = measured_in(read_record(arguments.record, RUN)[0])
+        except (OSError, KeyError, ValueError) as error:
+            raise SceneError(f"--record = {arguments.record}: {error}: must be the record.h5 of a run") from None
+    overrides = dict(parse_override(text) for text in arguments.set)
+    scene = load_scene(arguments.scene, overrides, arguments.board, measured)
+    choice = scene.choice or scene.judge(measured)
+    if arguments.json:
+        print(json.dumps(choice.to_dict(), allow_nan=False))
+    else:
+        print("\n".join(choice.lines()))
     return OK
 
 
@@ -485,6 +511,7 @@ def main(argv: Sequence[str]) -> int:
             "reproduce": _reproduce,
             "reduce": _reduce,
             "bench": _bench,
+            "choose": _choose,
             "doctor": _doctor,
             "completion": _completion,
         }

@@ -18,6 +18,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run reduce --check-locality scenes/reduce/stiff_skin.toml",
     ),
     "bench": ("./run bench frontier --quick",),
+    "choose": (
+        "./run choose scenes/auto.toml",
+        "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json",
+    ),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),
     "test": ("./run test --quick",),

@@ -99,6 +99,7 @@ def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
         instructions_per_count=board.instructions_per_count,
         wall_clock_s=done.wall_clock_s,
         record_hash=record.record_hash(record_layout.RUN, done.values),
+        choice=scene.choice.to_dict() if scene.choice else None,
     )
 
 

@@ -5,7 +5,7 @@ it reads, motor currents and the link's bytes, is simulated afresh. With nothing
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -19,6 +19,7 @@ from palpate.record import BadRecord, Record
 from palpate.scene import Scene, load_recorded_scene
 from palpate.scene_overrides import Overrides, exact_override
 from palpate.scene_schema import SceneError
+from palpate.scene_sections import SceneFile
 from palpate.tip_path import TipPath
 
 Array = NDArray[Any]
@@ -85,11 +86,15 @@ def load_source(file: Path, overrides: Overrides, board: str | None) -> Source:
     if board is not None:
         scene = scene.with_board(board)
     changes: list[str] = []
-    if scene.with_board("").sections != recorded_scene.with_board("").sections:
+    if _without_board(scene) != _without_board(recorded_scene):
         changes += [exact_override(*item) for item in overrides.items() if item[0] != "board.name"]
     if scene.sections.board.name != recorded_board:
         changes.append(exact_override("board.name", scene.sections.board.name))
     return Source(loaded, recorded_scene, scene, tuple(changes))
+
+
+def _without_board(scene: Scene) -> SceneFile:
+    return replace(scene.sections, board=replace(scene.sections.board, name=""))
 
 
 def motion_of(values: Mapping[str, Array]) -> Motion:

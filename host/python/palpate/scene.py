@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.model_choice import Choice, Measured, auto_keys, choose, without_auto
 from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_checks import check_scene, friction, steps_per_tick
 from palpate.scene_overrides import (
@@ -30,12 +31,21 @@ __all__ = ["Scene", "SceneError", "load_recorded_scene", "load_scene", "make_sce
 
 @dataclass(frozen=True)
 class Scene:
-    """A checked scene: the file's own sections, its path with the CSV file read, and the text that it came from."""
+    """A checked scene: the file's own sections, its path with the CSV file read, and the text that it came from (`source`). In
+    `sections` numbers stand where the file, and `requested`, may have "auto"; choice: which, and why, None where nothing is "auto"."""
 
     file: FilePath
-    text: str
+    source: str
     sections: SceneFile
     path: TipPath | None
+    requested: SceneFile
+    choice: Choice | None
+
+    @property
+    def text(self) -> str:
+        """The source, with what was chosen for "auto" as further overrides: for a record, which then repeats without the rule."""
+        values = self.choice.values if self.choice else {}
+        return self.source + "".join(f"{OVERRIDE_COMMENT}{exact_override(*item)}" for item in _plain(dict(values)).items())
 
     @property
     def duration_ticks(self) -> int:
@@ -49,15 +59,22 @@ class Scene:
         return _material(self.sections.body, self.sections.body)["damping_N_s_m"]
 
     def with_board(self, name: str) -> "Scene":
-        """The same scene on another board."""
-        return replace(self, sections=replace(self.sections, board=replace(self.sections.board, name=name)))
+        """The same scene on another board. Raises SceneError where "auto" finds nothing for that."""
+        board = replace(self.requested.board, name=name)
+        return _resolve(self.file, self.source, replace(self.requested, board=board), self.path)
+
+    def judge(self, measured: Measured | None = None) -> Choice:
+        """What the rule makes of the scene, and of its fixed values; measured: of a run, in place of the scene's link and latency.
+        Raises SceneError."""
+        self.require_path()
+        return choose(Reader(self.file), self.requested, self.path, measured)[1]
 
     def with_model(self, **keys: Any) -> "Scene":
         """The same scene with these keys in [model], all others of that section at their defaults. Raises SceneError."""
         reader = Reader(self.file)
-        sections = replace(self.sections, model=read_section(reader, "model", Model, _plain(keys)))
-        check_scene(reader, sections)
-        return replace(self, sections=sections)
+        requested = replace(self.requested, model=read_section(reader, "model", Model, _plain(keys)))
+        check_scene(reader, without_auto(requested))
+        return _resolve(self.file, self.source, requested, self.path)
 
     def require_path(self) -> TipPath:
         """The path; raises SceneError where the scene has none."""
@@ -157,12 +174,19 @@ def _body_dict(body: Body) -> dict[str, Any]:
     }
 
 
-def load_scene(file: FilePath, overrides: Overrides | None = None) -> Scene:
+def load_scene(
+    file: FilePath,
+    overrides: Overrides | None = None,
+    board: str | None = None,
+    measured: Measured | None = None,
+) -> Scene:
     """Reads and checks a scene. Raises SceneError: one line that names the file, the key, the value and its range.
 
-    overrides: keys that are set otherwise than in the file, by dotted name; they stand as comments in the scene's text.
+    overrides: keys that are set otherwise than in the file, by dotted name; they stand as comments in the scene's text. board:
+    in place of the scene's, as with `Scene.with_board`. measured: of a run, in place of the scene's link and latency where "auto"
+    goes by them.
     """
-    return _build(file, _read_text(file), overrides or {}, None)
+    return _build(file, _read_text(file), overrides or {}, None, board, measured)
 
 
 def load_recorded_scene(file: FilePath, text: str, overrides: Overrides, path: TipPath) -> Scene:
@@ -174,7 +198,14 @@ def load_recorded_scene(file: FilePath, text: str, overrides: Overrides, path: T
     return _build(file, own, {**recorded, **overrides}, path)
 
 
-def _build(file: FilePath, text: str, overrides: Overrides, path: TipPath | None) -> Scene:
+def _build(
+    file: FilePath,
+    text: str,
+    overrides: Overrides,
+    path: TipPath | None,
+    board: str | None = None,
+    measured: Measured | None = None,
+) -> Scene:
     reader = Reader(file)
     try:
         table = tomllib.loads(text)
@@ -182,7 +213,7 @@ def _build(file: FilePath, text: str, overrides: Overrides, path: TipPath | None
         raise _syntax_error(file, text, str(error)) from None
     except RecursionError:
         raise SceneError(f"{file}: not TOML that can be read: nested too deeply") from None
-    return _checked(reader, table, text, overrides, path)
+    return _checked(reader, table, text, overrides, path, board, measured)
 
 
 def make_scene(table: dict[str, Any], overrides: Overrides | None = None, name: str = "scene") -> Scene:
@@ -203,7 +234,13 @@ def _plain(value: Any) -> Any:
 
 
 def _checked(
-    reader: Reader, table: dict[str, Any], text: str, overrides: Overrides, path: TipPath | None
+    reader: Reader,
+    table: dict[str, Any],
+    text: str,
+    overrides: Overrides,
+    path: TipPath | None,
+    board: str | None = None,
+    measured: Measured | None = None,
 ) -> Scene:
     for name, given in overrides.items():
         value = _plain(given)
@@ -211,11 +248,25 @@ def _checked(
         text += f"{OVERRIDE_COMMENT}{exact_override(name, value)}"
     if path is not None:
         table["path"] = {"waypoints": [{"time_s": 0.0, "position_m": path.position_m[0].tolist()}]}
-    sections = read_section(reader, "", SceneFile, table)
+    requested = read_section(reader, "", SceneFile, table)
+    check_scene(reader, without_auto(requested))
+    if board is not None:
+        requested = replace(requested, board=replace(requested.board, name=board))
+    if path is None and requested.path is not None:
+        path = _load_path(reader, requested.path)
+    return _resolve(reader.file, text, requested, path, measured)
+
+
+def _resolve(
+    file: FilePath, source: str, requested: SceneFile, path: TipPath | None, measured: Measured | None = None
+) -> Scene:
+    """With numbers in place of "auto"."""
+    if not auto_keys(requested):
+        return Scene(file, source, requested, path, requested, None)
+    reader = Reader(file)
+    sections, choice = choose(reader, requested, path, measured)
     check_scene(reader, sections)
-    if path is None and sections.path is not None:
-        path = _load_path(reader, sections.path)
-    return Scene(reader.file, text, sections, path)
+    return Scene(file, source, sections, path, requested, choice)
 
 
 def _read_text(file: FilePath) -> str:

@@ -27,6 +27,8 @@ class _Missing:
 
 
 REQUIRED = _Missing()
+# In place of a value, of keys that say so.
+AUTO = "auto"
 
 
 def format_value(value: object) -> str:
@@ -261,6 +263,26 @@ class TablesOf:
         return tuple(
             read_section(reader, f"{where}[{i}]", self.section, item) for i, item in enumerate(value)
         )
+
+
+@dataclass(frozen=True)
+class OrAuto:
+    """A value of a kind, or "auto": chosen by `palpate.model_choice` before anything else sees it."""
+
+    of: Kind
+
+    def type_text(self) -> str:
+        return f'{self.of.type_text()} or "{AUTO}"'
+
+    def requirement(self, unit: str) -> str:
+        return f'{self.of.requirement(unit)}, or "{AUTO}"'
+
+    def read(self, reader: Reader, where: str, value: object, unit: str) -> object:
+        if value == AUTO:
+            return AUTO
+        if isinstance(value, str):
+            raise reader.error(where, value, self.requirement(unit))
+        return self.of.read(reader, where, value, unit)
 
 
 @dataclass(frozen=True)

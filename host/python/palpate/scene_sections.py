@@ -7,7 +7,7 @@ stands in `scene_checks`.
 from dataclasses import dataclass
 
 from palpate.scene_body import COORDINATE, MAX_NODES_PER_AXIS, Body
-from palpate.scene_schema import Choice, Flag, Integer, ListOf, Number, TablesOf, Text, Vector, key, section
+from palpate.scene_schema import Choice, Flag, Integer, ListOf, Number, OrAuto, TablesOf, Text, Vector, key, section
 from palpate.tip_path import MAX_TIME_S
 
 TICK_S = 1e-3
@@ -121,6 +121,13 @@ class Tool:
     radius_m: float = key(
         Number(0.0, 0.05), "radius of the sphere at the tip; 0: a point", unit="m", default=0.0
     )
+    speed_m_s: float | None = key(
+        Number(0.0, 5.0),
+        "greatest speed along x or y that `\"auto\"` plans for",
+        unit="m/s",
+        default=None,
+        default_text="that of [path] near the body",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +217,7 @@ class Rates:
     """How often, and how late, the host works. The servo ticks at 1000 Hz."""
 
     model_update_Hz: float = key(
-        Number(1.0, 250.0), "local models sent per second of virtual time", unit="Hz", default=30.0
+        OrAuto(Number(1.0, 250.0)), "local models sent per second of virtual time", unit="Hz", default=30.0
     )
     host_delay_ticks: int = key(
         Integer(0, 400), "virtual time that the host takes to compute a model", unit="ticks", default=5
@@ -237,7 +244,7 @@ class Model:
         default="patch",
     )
     patch_nodes: tuple[int, ...] = key(
-        Vector((3,), Integer(2, 8)),
+        OrAuto(Vector((3,), Integer(2, 8))),
         "nodes of the patch [x, y, z] or fewer at a border; 64 at most",
         default=(4, 4, 2),
     )
@@ -254,7 +261,7 @@ class Model:
         default="frame",
     )
     shifts_Hz: tuple[float, ...] = key(
-        ListOf(Number(0.0, 1000.0), 4),
+        OrAuto(ListOf(Number(0.0, 1000.0), 4)),
         "`krylov`: frequencies, ascending, around which the modes answer exactly; 3 modes for each and each surface node, "
         "192 at most",
         unit="Hz",
@@ -282,7 +289,7 @@ class Model:
         default=1024,
     )
     near_nodes: int = key(
-        Integer(0, 16),
+        OrAuto(Integer(0, 16)),
         "`hybrid`: nodes below the surface, nearest to the middle of the patch first, whose own answers to forces are in "
         "the modes, three each; all modes are 96 at most",
         default=4,
@@ -482,8 +489,16 @@ class SceneFile:
         Device,
         "The simulated arm behind encoders and amplifiers (`palpate run` only); it starts where the path does.",
     )
-    rates: Rates = section(Rates, "How often, and how late, the host works; all in virtual time.")
-    model: Model = section(Model, "The local model that the board renders (`palpate run` only).")
+    rates: Rates = section(
+        Rates,
+        "How often, and how late, the host works; all in virtual time. `\"auto\"`: chosen for link, board and tool "
+        "([model_choice.md](decisions/model_choice.md)).",
+    )
+    model: Model = section(
+        Model,
+        "The local model that the board renders (`palpate run` only). `\"auto\"`: as in [rates]; `shifts_Hz` and `near_nodes` "
+        "are the order of the builders that know them, and any value of the others.",
+    )
     board: Board = section(Board, "Where the firmware runs (`palpate run` only); `--board` overrides it.")
     link: Link = section(
         Link, "The medium between board and host (`palpate run` only), metered in virtual time."

@@ -90,6 +90,12 @@ RUN_KEYS = (
     ),
     Key("faults", "", "bits of all faults that the board latched; 0: none"),
     Key("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
+    Key(
+        "choice",
+        "",
+        "{chosen, inputs, expected, reasons}: what stood for `\"auto\"` in the scene, by key; what it was chosen by; what the rule "
+        "expects of it; its checks, a line each (decisions/model_choice.md); null where nothing was `\"auto\"`",
+    ),
     Key("record_hash", "", 'SHA-256 over the record (see "record_hash" below)'),
     Key(
         "wall_clock", "s", "{run_s, reference_s}: seconds on this machine; all other figures are virtual time"
@@ -295,6 +301,7 @@ def summarize_run(
     instructions_per_count: int | None,
     record_hash: str,
     wall_clock_s: Mapping[str, float],
+    choice: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """summary.json of a run: exactly the keys of RUN_KEYS. `values` are the datasets of a record, `counters` those of
     RUN_COUNTERS."""
@@ -333,6 +340,7 @@ def summarize_run(
         "correction_energy_J": _energy_summary(values["updates/correction_energy_J"]),
         "faults": int(np.bitwise_or.reduce(values["ticks/faults"])),
         "rendering_ticks": int(np.count_nonzero(values["ticks/enabled"])),
+        "choice": None if choice is None else dict(choice),
         "record_hash": record_hash,
         "wall_clock": dict(wall_clock_s),
     }
