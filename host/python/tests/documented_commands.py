@@ -1,0 +1,158 @@
+"""Every command in README.md, docs/ and the command line's examples: run here in a cheap form, run by another test, or not run
+and why. test_documented_commands.py holds this list to what is written there.
+"""
+
+# A run that is long enough to touch, and its files.
+_BRIEF = "--set duration_s=0.4 --set outputs.node_times_s=[] --set outputs.pictures=false"
+_BRIEF_NATIVE = f"{_BRIEF} --board native"
+
+# command -> what is run in its place, as arguments of palpate; {out}: a folder that is empty at first, {record}: of a
+# brief run of scenes/press.toml.
+RUN = {
+    "./run --help": "--help",
+    "./run doctor": "doctor",
+    "./run doctor --json": "doctor --json",
+    "./run completion bash": "completion bash",
+    "./run run scenes/press.toml --board native": f"run scenes/press.toml {_BRIEF_NATIVE} --out {{out}}",
+    "./run run scenes/press.toml --board native --set model.builder=krylov --out out/krylov": (
+        f"run scenes/press.toml {_BRIEF_NATIVE} --set model.builder=krylov --out {{out}}"
+    ),
+    "./run run scenes/press.toml --set contact.friction=0.5 --set model.builder=krylov": (
+        f"run scenes/press.toml {_BRIEF} --set contact.friction=0.5 --set model.builder=krylov --out {{out}}"
+    ),
+    "./run run scenes/stick.toml --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=12": (
+        f"run scenes/stick.toml {_BRIEF} --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=12 --out {{out}}"
+    ),
+    './run run scenes/stick.toml --board native --set model.builder=krylov [--set "model.shifts_Hz=[0.0, 20.0]"]': (
+        f"run scenes/stick.toml {_BRIEF_NATIVE} --set model.builder=krylov --set 'model.shifts_Hz=[0.0, 20.0]' --out {{out}}"
+    ),
+    "./run run scenes/stick.toml --board native --set model.builder=krylov --set model.basis_latency_ticks=300": (
+        f"run scenes/stick.toml {_BRIEF_NATIVE} --set model.builder=krylov --set model.basis_latency_ticks=300 --out {{out}}"
+    ),
+    "./run run scenes/frontier/reference.toml --set 'path.csv=\"drag_10cm_s.csv\"' --set duration_s=1.65 --set contact.friction=0"
+    " --set model.builder=hybrid [--set model.patch_ahead=false]": (
+        "run scenes/frontier/reference.toml --set 'path.csv=\"drag_10cm_s.csv\"' --set duration_s=0.3 --set contact.friction=0"
+        " --set model.builder=hybrid --set model.patch_ahead=false --board native --out {out}"
+    ),
+    "./run replay out/press/record.h5": "replay {record} --board native --out {out}",
+    "./run replay out/press/record.h5 --set model.builder=krylov --board native --tolerance-N 0.5": (
+        "replay {record} --set model.builder=krylov --board native --tolerance-N 5 --out {out}"
+    ),
+    "./run plot out/press/record.h5": "plot {record} --out {out}",
+    "./run plot out/press/record.h5 --from 0.4 --to 0.7 --what forces,path": (
+        "plot {record} --from 0.1 --to 0.3 --what forces,path --out {out}"
+    ),
+    "./run simulate scenes/wave2d.toml": (
+        "simulate scenes/wave2d.toml --set duration_s=0.05 --set outputs.node_times_s=[] --out {out}"
+    ),
+    "./run simulate scenes/press.toml --set duration_s=0.5 --json": (
+        f"simulate scenes/press.toml {_BRIEF} --json --out {{out}}"
+    ),
+    "./run reduce --dim 2 --n 6": "reduce --dim 2 --n 6 --out {out}",
+    "./run reduce --dim 2 --n 12 --damping 1.0 --order 20": "reduce --dim 2 --n 6 --damping 1.0 --order 10 --out {out}",
+}
+
+# command -> the test that runs it, or the part of it that costs.
+TESTED = {
+    "./run demo": "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards",
+    "./run demo --board native --out out/native": (
+        "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards"
+    ),
+    "./run run": "host/python/tests/test_core.py::test_run_touches_the_body",
+    "./run run SCENE": "host/python/tests/test_core.py::test_run_touches_the_body",
+    "./run run SCENE --set": "host/python/tests/test_api.py::test_an_experiment_is_that_of_the_command_line",
+    "./run run SCENE.toml": "host/python/tests/test_core.py::test_run_touches_the_body",
+    "palpate run": "host/python/tests/test_core.py::test_run_touches_the_body",
+    "./run simulate SCENE": "host/python/tests/test_core.py::test_simulation_exports_nodes",
+    "./run simulate SCENE.toml": "host/python/tests/test_core.py::test_simulation_exports_nodes",
+    "palpate simulate": "host/python/tests/test_core.py::test_simulation_exports_nodes",
+    "./run replay RECORD.h5 [--set KEY=VALUE]": "hil_tests/test_loop_replay.py::test_the_command_line",
+    "palpate replay FILE": "hil_tests/test_loop_replay.py::test_the_command_line",
+    "./run plot RECORD.h5": "host/python/tests/test_plot.py::test_the_command_line",
+    "palpate plot FILE": "host/python/tests/test_plot.py::test_the_command_line",
+    "./run reproduce": "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end",
+    "./run reproduce all": "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end",
+    "./run reproduce fig14": "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end",
+    "./run reproduce --hil --out out/hil": "hil_tests/test_reproduce_boards.py::test_figure_15_on_both_boards",
+    "./run reproduce [table1 ... locality ... fig17]": (
+        "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end"
+    ),
+    "./run reproduce [fig4 table1 table2 fig5 fig8 frontier locality fig12 ... fig17 late | all]": (
+        "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end"
+    ),
+    "./run reproduce fig4 table1 table2 fig5 fig8": (
+        "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end"
+    ),
+    "./run reproduce table1 table2 fig4 fig5 fig8": (
+        "host/python/tests/test_reproduce_report.py::test_all_figures_from_end_to_end"
+    ),
+    "./run reduce": "host/python/tests/test_reduce_command.py::test_the_papers_square",
+    "./run reduce [--scene SCENE.toml]": "host/python/tests/test_reduce_command.py::test_order_and_node_follow_what_is_asked",
+    "palpate reduce --n": "host/python/tests/test_reduce_command.py::test_the_papers_square",
+    "./run reduce --check-locality SCENE [--press M]": (
+        "host/python/tests/test_reduce_command.py::test_a_body_that_is_not_local_fails_the_check"
+    ),
+    "./run reduce --check-locality scenes/reduce/soft_core.toml": (
+        "host/python/tests/test_reduce_command.py::test_a_homogeneous_body_is_local_and_the_others_are_not"
+    ),
+    "./run reduce --check-locality scenes/reduce/stiff_skin.toml": (
+        "host/python/tests/test_reduce_command.py::test_a_homogeneous_body_is_local_and_the_others_are_not"
+    ),
+    "./run bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
+    "./run bench frontier --quick": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
+    "./run bench frontier [--quick] [--json] [--out DIR]": (
+        "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints"
+    ),
+    "palpate bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
+    "source <(./run completion bash)": "host/python/tests/test_completion.py::test_bash_completes",
+    ".venv/bin/python docs/examples/touch_a_body.py": "host/python/tests/test_examples.py::test_touch_a_body",
+    ".venv/bin/python docs/examples/compare_builders.py": "host/python/tests/test_examples.py::test_compare_builders",
+    ".venv/bin/python docs/examples/connect_to_a_board.py": "host/python/tests/test_examples.py::test_connect_to_a_board",
+    ".venv/bin/python -m mkdocs build --strict": (
+        "host/python/tests/test_docs.py::test_the_site_builds_without_a_warning_and_fetches_nothing"
+    ),
+    "pip install .": "host/python/tests/test_wheel.py::test_a_body_is_touched",
+    "python -m palpate.docs": "host/python/tests/test_docs.py::test_generated_tables_are_up_to_date",
+    "python host/bench/scene_numbers.py": "host/python/tests/test_docs.py::test_the_measured_numbers_are_those_of_a_run",
+    "python host/bench/contact_tick.py": "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured",
+    "python host/bench/contact_tick.py --out contact_tick.json": (
+        "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured"
+    ),
+    "python host/bench/tick_cycles.py --situations 60": (
+        "hil_tests/test_tick_cycles.py::test_ticks_stay_below_the_bound_and_have_the_instructions_of_the_clock"
+    ),
+}
+
+_TOO_LONG = "a measurement of minutes"
+_BUILDS = "builds and is run by ctest and ./run, not from within a test"
+_A_WHOLE_BODY = "minutes on 1,728 nodes; the same on smaller bodies is tested in test_reduce_command.py"
+
+# command -> why no test runs it.
+NOT_RUN = {
+    "./run": "installs packages and builds: what starts the tests cannot be one of them",
+    "./run test": "the tests themselves",
+    "./run test --quick": "the tests themselves",
+    "./run test [--quick]": "the tests themselves",
+    "./run run drag.toml --json": "a scene of that page's reader",
+    "./run reduce --scene scenes/demo.toml": _A_WHOLE_BODY,
+    "./run reduce --check-locality scenes/demo.toml": _A_WHOLE_BODY,
+    "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
+    "palpate record 1": "no command: the name of a format",
+    "PYTHONPATH=host/python": "no command: a setting, which test_examples.py uses",
+    "build/host/host/bench/model_builders": _TOO_LONG,
+    "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,
+    "build/host/host/bench/edge_jumps > edge_jumps.json": _TOO_LONG,
+    "build/host/host/bench/contact_energy > contact_energy.json": _TOO_LONG,
+    "PYTHONPATH=host/python python host/bench/edge_jumps_board.py": _TOO_LONG,
+    "PYTHONPATH=host/python python host/bench/edge_jumps_board.py > edge_jumps_board.json": _TOO_LONG,
+    "PYTHONPATH=host/python python host/bench/coupling.py --out out/coupling": _TOO_LONG,
+    "PYTHONPATH=host/python python host/bench/reduction.py --out out/reduction": _TOO_LONG,
+    "python host/bench/tick_cycles.py --log PIPE --image build/mps2_an386/boards/mps2_an386/palpate_mps2_an386.elf": _TOO_LONG,
+    "cmake --preset mps2_an386 && cmake --build --preset mps2_an386 --target contact_tick_mps2_an386": _BUILDS,
+    "cmake --preset mps2_an386 && cmake --build --preset mps2_an386": _BUILDS,
+    "cmake --preset host && cmake --build --preset host --target paper_contact": _BUILDS,
+    "cmake --preset host && cmake --build --preset host --target edge_jumps": _BUILDS,
+    "cmake --preset host && cmake --build --preset host --target contact_energy": _BUILDS,
+    "cmake --preset host && cmake --build --preset host --target basis_scaling": _BUILDS,
+    "cmake --build --preset host --target paper_contact && build/host/host/bench/paper_contact": _BUILDS,
+}
