@@ -42,6 +42,13 @@ RUN = {
     "./run plot out/press/record.h5 --from 0.4 --to 0.7 --what forces,path": (
         "plot {record} --from 0.1 --to 0.3 --what forces,path --out {out}"
     ),
+    "./run choose scenes/auto.toml": "choose scenes/auto.toml",
+    "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json": (
+        "choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json"
+    ),
+    "./run choose SCENE.toml": "choose scenes/press.toml",
+    "./run choose SCENE [--record record.h5]": "choose scenes/press.toml --record {record}",
+    "./run run scenes/auto.toml": f"run scenes/auto.toml {_BRIEF_NATIVE} --out {{out}}",
     "./run simulate scenes/wave2d.toml": (
         "simulate scenes/wave2d.toml --set duration_s=0.05 --set outputs.node_times_s=[] --out {out}"
     ),
@@ -118,6 +125,7 @@ TESTED = {
     "python host/bench/contact_tick.py --out contact_tick.json": (
         "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured"
     ),
+    "python host/bench/board_cost.py": "hil_tests/test_board_cost.py::test_no_model_takes_more_than_predicted",
     "python host/bench/tick_cycles.py --situations 60": (
         "hil_tests/test_tick_cycles.py::test_ticks_stay_below_the_bound_and_have_the_instructions_of_the_clock"
     ),
@@ -147,6 +155,7 @@ NOT_RUN = {
     "PYTHONPATH=host/python python host/bench/edge_jumps_board.py > edge_jumps_board.json": _TOO_LONG,
     "PYTHONPATH=host/python python host/bench/coupling.py --out out/coupling": _TOO_LONG,
     "PYTHONPATH=host/python python host/bench/reduction.py --out out/reduction": _TOO_LONG,
+    "python host/bench/model_choice.py": _TOO_LONG,
     "python host/bench/tick_cycles.py --log PIPE --image build/mps2_an386/boards/mps2_an386/palpate_mps2_an386.elf": _TOO_LONG,
     "cmake --preset mps2_an386 && cmake --build --preset mps2_an386 --target contact_tick_mps2_an386": _BUILDS,
     "cmake --preset mps2_an386 && cmake --build --preset mps2_an386": _BUILDS,
