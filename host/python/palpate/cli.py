@@ -17,7 +17,7 @@ from palpate.colour import Colour, paint
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.model_choice import measured_in
-from palpate.paths import ROOT, SCENES
+from palpate.paths import ROOT, SCENES, SOURCE
 from palpate.record import BadRecord, read_record
 from palpate.record_layout import RUN
 from palpate.scene import Scene, SceneError, load_scene
@@ -466,6 +466,8 @@ def _bench(arguments: argparse.Namespace) -> int:
 
 
 def _test(arguments: argparse.Namespace) -> int:
+    if SOURCE is None:
+        raise SceneError("palpate test: only in the source tree: ./run test")
     from palpate.testing import run_tests
 
     return OK if run_tests(quick=arguments.quick, as_json=arguments.json) else FAILED

@@ -218,8 +218,13 @@ def test_a_sweep_runs_all_and_checks_first() -> None:
     results = palpate.sweep(SCENE, "contact.friction", [0.0, 1.0], SHORT, experiment=palpate.simulate)
     assert [result.scene.sections.contact.friction for result in results] == [0.0, 1.0]
     ran: list[Any] = []
+
+    def counted(scene: palpate.Scene) -> palpate.Result:
+        ran.append(scene)
+        return results[0]
+
     with pytest.raises(palpate.SceneError, match="contact.friction = -1"):
-        palpate.sweep(SCENE, "contact.friction", [0.0, -1.0], SHORT, experiment=lambda scene: ran.append(scene))  # type: ignore[arg-type,return-value]
+        palpate.sweep(SCENE, "contact.friction", [0.0, -1.0], SHORT, experiment=counted)
     assert ran == []
 
 

@@ -46,10 +46,12 @@ def test_the_measured_numbers_are_those_of_a_run() -> None:
     (kept,) = [run for run in runs if (run["scene"], run["builder"]) == ("stick", "krylov")]
     # A process gives the record that QEMU gives, but for times (docs/architecture.md, "Lock-step").
     now = measure("stick", "krylov", board="native")
-    same = ("ticks", "model_updates", "link_bytes_per_s", "peak_force_N", "rms_force_error_percent", "faults")
-    assert {key: now[key] for key in same} == {key: kept[key] for key in same}, (
-        "measure again: python host/bench/scene_numbers.py, then python -m palpate.docs"
-    )
+    again = "measure again: python host/bench/scene_numbers.py, then python -m palpate.docs"
+    for key in ("ticks", "model_updates", "faults"):
+        assert now[key] == kept[key], again
+    # Other machines' mathematical functions round otherwise; the page shows three digits.
+    for key in ("link_bytes_per_s", "peak_force_N", "rms_force_error_percent"):
+        assert now[key] == pytest.approx(kept[key], rel=1e-4), again
 
 
 @pytest.mark.slow

@@ -95,6 +95,13 @@ def test_a_scene_runs_on_the_board_that_is_inside(installed: Path, tmp_path: Pat
     assert refused.returncode == 1 and "it needs the source tree" in refused.stderr.splitlines()[-1]
 
 
+def test_what_needs_the_source_tree_says_so(installed: Path, tmp_path: Path) -> None:
+    refused = subprocess.run(
+        [str(installed / "palpate"), "test"], cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert (refused.returncode, refused.stderr) == (2, "palpate test: only in the source tree: ./run test\n")
+
+
 def test_a_board_process_is_reached(installed: Path, tmp_path: Path) -> None:
     shutil.copy(ROOT / "docs/examples/connect_to_a_board.py", tmp_path)
     assert "native, firmware" in run([str(installed / "python"), "connect_to_a_board.py"], tmp_path).stdout
