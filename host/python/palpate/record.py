@@ -158,12 +158,10 @@ def _open(file: Path) -> h5py.File:
         return h5py.File(file, "r")
     except OSError as error:
         problem = " ".join(str(error).split())
-    if "already open for write" in problem or "unable to lock" in problem:  # being written, or its writer was killed
-        try:
-            return h5py.File(file, "r", swmr=True)
-        except OSError as error:
-            problem = " ".join(str(error).split())
-    raise RecordError(f"HDF5 that cannot be opened: {problem}")
+    try:  # being written, or its writer was killed or met the end of the disk
+        return h5py.File(file, "r", swmr=True)
+    except OSError:
+        raise RecordError(f"HDF5 that cannot be opened: {problem}") from None
 
 
 def _load(file: Path, h5: h5py.File) -> Record:

@@ -28,6 +28,8 @@ Attribute = str | int | float
 # Half a minute of a loop of 1 kHz, 6 MB: far longer than a disk stalls, small beside the rest of the program.
 CAPACITY_ROWS = 30_000
 COMMIT_S = 1.0
+# Several times what a full queue takes.
+RESERVE_BYTES = 50_000_000
 # After close() the rest of a full queue takes a second or two to write.
 _CLOSE_TIMEOUT_S = 60.0
 
@@ -50,10 +52,12 @@ class Recorder:
         fixed: Mapping[str, Any] | None = None,
         capacity_rows: int = CAPACITY_ROWS,
         commit_s: float = COMMIT_S,
+        reserve_bytes: int = RESERVE_BYTES,
     ) -> None:
         """An existing file is replaced. attributes: of `/`. scene_text: the scene in TOML, for /scene. fixed: datasets
         outside of the tables, as known now. capacity_rows: that wait for the disk at most. commit_s: until rows are on
-        disk for good, and at most a chunk more (`recorder_process.CHUNK_ROWS`).
+        disk for good, and at most a chunk more (`recorder_process.CHUNK_ROWS`). reserve_bytes: where less of the disk is free, the
+        recording ends.
 
         Raises OSError where the file cannot be made, RecordError for fixed datasets that do not fit the layout.
         """
@@ -75,6 +79,7 @@ class Recorder:
             self._conform_fixed(fixed or {}),
             self._fixed_layout,
             commit_s,
+            reserve_bytes,
         )
         path.open("wb").close()  # a file that cannot be made is told here, not by the process
         self._process = subprocess.Popen(

@@ -8,6 +8,7 @@ commit ends with the number of rows that are complete; the rest follows at the e
 import os
 import pickle
 import select
+import shutil
 import signal
 import struct
 import sys
@@ -35,7 +36,7 @@ Tables = dict[str, tuple[Dataset, ...]]
 @dataclass(frozen=True)
 class Begin:
     """The first message. tables: columns by the name of the table; fixed: datasets that are known now, by path;
-    fixed_layout: all that may come; commit_s: from one commit to the next."""
+    fixed_layout: all that may come; commit_s: from one commit to the next; reserve_bytes: of the disk that are left free."""
 
     path: Path
     tables: Tables
@@ -44,6 +45,7 @@ class Begin:
     fixed: Mapping[str, NDArray[Any]]
     fixed_layout: Mapping[str, Dataset]
     commit_s: float
+    reserve_bytes: int
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,10 @@ def _receive(fd: int) -> Message | None:
     return message
 
 
+class _DiskFull(Exception):
+    """Too little room for another commit."""
+
+
 class _File:
     """The recording on disk."""
 
@@ -118,13 +124,16 @@ class _File:
         self._h5.attrs["closed"] = np.uint8(0)
         self._write_counts()
         self._h5.create_dataset("scene", data=begin.scene_text, dtype=h5py.string_dtype("utf-8"))
-        for table, columns in begin.tables.items():
-            for column in columns:
-                self._create_column(column, CHUNK_ROWS[table])
+        # Kept open: h5py says nothing of a write that fails while a dataset is being closed.
+        self._stored = {
+            column.path: self._create_column(column, CHUNK_ROWS[table])
+            for table, columns in begin.tables.items()
+            for column in columns
+        }
         self._write_fixed(begin.fixed)
         self._h5.swmr_mode = True
 
-    def _create_column(self, column: Dataset, chunk_rows: int) -> None:
+    def _create_column(self, column: Dataset, chunk_rows: int) -> h5py.Dataset:
         width = column.shape[1:]
         stored = self._h5.create_dataset(
             column.path,
@@ -137,6 +146,7 @@ class _File:
             shuffle=True,
         )
         _describe(stored, column)
+        return stored
 
     def _write_fixed(self, fixed: Mapping[str, NDArray[Any]]) -> None:
         for path, array in fixed.items():
@@ -165,7 +175,7 @@ class _File:
             for column in columns:
                 values = np.concatenate(self._waiting[column.path])
                 self._waiting[column.path] = [values[rows:]]
-                stored = self._h5[column.path]
+                stored = self._stored[column.path]
                 stored.resize(self._written[table] + rows, axis=0)
                 stored[self._written[table] :] = values[:rows]
             self._written[table] += rows
@@ -190,13 +200,20 @@ class _File:
         self._h5.close()
 
 
+def _require_room(begin: Begin) -> None:
+    """Raises _DiskFull while there is room to close the file: a write that fails leaves it in the middle of a commit."""
+    free_bytes = shutil.disk_usage(begin.path.parent).free
+    if free_bytes < begin.reserve_bytes:
+        raise _DiskFull(f"the disk is full: {free_bytes / 1e6:,.0f} MB are free, {begin.reserve_bytes / 1e6:,.0f} MB stay so; the recording has ended")
+
+
 def _describe(stored: h5py.Dataset, dataset: Dataset) -> None:
     stored.attrs["unit"] = dataset.unit
     stored.attrs["description"] = dataset.description
 
 
-def _record(fd: int, file: _File, commit_s: float) -> None:
-    due_s = time.monotonic() + commit_s
+def _record(fd: int, file: _File, begin: Begin) -> None:
+    due_s = time.monotonic() + begin.commit_s
     while True:
         if select.select([fd], [], [], max(0.0, due_s - time.monotonic()))[0]:
             message = _receive(fd)
@@ -206,8 +223,9 @@ def _record(fd: int, file: _File, commit_s: float) -> None:
                 return
             file.take(message)
         if time.monotonic() >= due_s:
+            _require_room(begin)
             file.commit()
-            due_s = time.monotonic() + commit_s
+            due_s = time.monotonic() + begin.commit_s
 
 
 def main() -> int:
@@ -215,11 +233,18 @@ def main() -> int:
     # It ends with its input, not before: the last rows are worth having when all else is being ended.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
+    begin = _receive(0)
+    if not isinstance(begin, Begin):
+        return 0
     try:
-        begin = _receive(0)
-        if isinstance(begin, Begin):
-            _record(0, _File(begin), begin.commit_s)
-    except OSError as error:
+        file = _File(begin)
+        try:
+            _record(0, file, begin)
+        except _DiskFull as problem:
+            file.close(None)
+            print(problem, flush=True)
+            return 1
+    except (OSError, RuntimeError, ValueError) as error:  # h5py has each of them for a write that fails
         print(" ".join(str(error).split()), flush=True)
-        return 1
+        os._exit(1)  # as if killed: HDF5 would try to close the file and spoil what stands in it
     return 0

@@ -157,12 +157,62 @@ def test_a_disk_that_is_full_is_told(tmp_path: Path, values: dict[str, Any]) -> 
     recorder.close()
 
 
+def await_problem(recorder: Recorder, block: dict[str, Any]) -> None:
+    end_s = time.monotonic() + DEADLINE_S
+    while recorder.append(block):
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_a_recording_ends_before_the_disk_is_full(tmp_path: Path, values: dict[str, Any]) -> None:
+    file, block = tmp_path / "record.h5", part(values, "ticks", slice(0, 10))
+    recorder = Recorder(file, TICKS, {}, commit_s=0.0, reserve_bytes=2**62)
+    await_problem(recorder, block)
+    with pytest.raises(RecordError, match=r"the disk is full: [\d,]+ MB are free, .* the recording has ended"):
+        recorder.close()
+    with h5py.File(file) as h5:  # closed as it should be, with the rows that came first
+        assert h5.attrs["closed"] == 0
+        assert h5.attrs["ticks"] == len(h5["ticks/tick"]) >= 10
+
+
+# A limit on the length of files, as a quota has it, is not seen in the free room: there a write fails.
+FULL = """
+import resource, sys
+sys.path[:0] = {folders!r}
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+import numpy as np
+from pathlib import Path
+from palpate.record_layout import TICKS, UPDATES
+from palpate.recorder import Recorder
+noise, tick = np.random.default_rng(1), 0
+recorder = Recorder(Path({file!r}), (*TICKS, *UPDATES), {{}}, scene_text="x = 1", commit_s=0.0)
+while True:
+    block = {{d.path: np.zeros((50, *d.shape[1:])) for d in TICKS}}
+    block["ticks/tick"] = np.arange(tick, tick + 50)
+    block["ticks/true_tip_m"] = noise.normal(size=(50, 3))
+    if not recorder.append(block) and recorder.problem:
+        sys.exit(recorder.problem)
+    tick += 50
+"""
+
+
+def test_a_write_that_fails_leaves_what_was_committed(tmp_path: Path) -> None:
+    file = tmp_path / "record.h5"
+    text = FULL.format(folders=[str(ROOT / "host/python")], file=str(file))
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=DEADLINE_S)
+    assert "File too large" in done.stderr and done.stderr.count("\n") == 1
+    loaded = record.load(file)
+    assert not loaded.closed
+    ticks = loaded.values["ticks/tick"]
+    assert len(ticks) > 0
+    np.testing.assert_array_equal(ticks, np.arange(len(ticks)))
+    assert np.all(np.linalg.norm(loaded.values["ticks/true_tip_m"], axis=1) > 0.0)
+
+
 def test_without_its_process_all_is_dropped(tmp_path: Path, values: dict[str, Any]) -> None:
     recorder = Recorder(tmp_path / "record.h5", RUN, {})
     os.kill(recorder.process_id, signal.SIGKILL)
-    end_s = time.monotonic() + DEADLINE_S
-    while recorder.append(part(values, "ticks", slice(0, 10))) and time.monotonic() < end_s:
-        time.sleep(0.01)
+    await_problem(recorder, part(values, "ticks", slice(0, 10)))
     assert recorder.problem == "the process that writes it ended with code -9"
     assert recorder.dropped_rows == {"ticks": 10, "updates": 0}
     with pytest.raises(RecordError, match="ended with code -9"):
