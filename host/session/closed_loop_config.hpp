@@ -22,7 +22,10 @@ struct ClosedLoopConfig {
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   bool arms_by_itself = true;
   std::uint32_t models_under_way = 1;  // that the host may compute at a time
-  TraceWish trace{};                   // what the board is asked to send of its ticks
+  // Models are computed in a thread of their own, and are there when they are there, at the end of the host's
+  // delay at the earliest: for loops in real time, never for results to be repeated.
+  bool session_beside = false;
+  TraceWish trace{};  // what the board is asked to send of its ticks
   firmware::CatchUpPolicy catch_up_policy = firmware::kCatchUpCortexM4;  // the board's
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks

@@ -33,6 +33,7 @@ LiveLoop::LiveLoop(LiveSetup setup)
       up_(std::move(setup.up)),
       plant_(setup.plant, path_),
       guide_(setup.guide, path_.at(0.0).position_m),
+      most_busy_ticks_(static_cast<std::uint32_t>(std::ceil(1.0 / (setup.loop.session.update_Hz * kTick_s)))),
       loop_(body_, setup.start, plant_, *board_, *down_, *up_, without_script(std::move(setup.loop))) {
   plant_.guide(guide_.now());  // refuses another kind of hand now
 }
@@ -75,6 +76,12 @@ void LiveLoop::run() {
         continue;
       }
       if (speed_ != speed_before) begin_anew();
+
+      // A body that takes longer than its time slows everything down: otherwise it would fall behind for
+      // ever.
+      if (loop_.host().busy_ticks(loop_.tick()) >= most_busy_ticks_ &&
+          !loop_.host().wait_until_computed(kPause))
+        continue;
 
       const std::chrono::duration<double> should(static_cast<double>(loop_.tick() - began_tick) * kTick_s /
                                                  speed_);
@@ -120,7 +127,7 @@ plant::PathPoint LiveLoop::intended() {
 void LiveLoop::publish(const LiveTick& tick) {
   std::shared_ptr<LivePicture> picture;
   // A copy of the body costs time: not for nobody.
-  if (picture_wanted_) {
+  if (picture_wanted_ && !loop_.host().is_busy()) {
     const Session& session = loop_.host().session();
     std::uint32_t shown = 0;
     bool none = true;

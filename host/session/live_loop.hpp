@@ -125,6 +125,7 @@ class LiveLoop {
   // The loop's thread alone.
   plant::Plant plant_;
   plant::HandGuide guide_;
+  const std::uint32_t most_busy_ticks_;  // an update period: a model that takes longer is waited for
   ClosedLoop loop_;
   std::optional<double> path_began_s_;  // virtual time; none: the hand follows the guide
   bool going_to_path_ = false;

@@ -31,6 +31,7 @@ LiveSetup setup() {
   BodyState start = body.rest_state();
   ClosedLoopConfig config;
   config.session.friction.elsewhere = {0.5, 0.5};
+  config.session_beside = true;
   return {.body = std::move(body),
           .start = std::move(start),
           .path = plant::TipPath::minimum_jerk({{0.0, kAbove_m}, {0.2, {0.0, 0.0, -0.023}}, {0.4, kAbove_m}}),

@@ -1,6 +1,7 @@
 #include "host/session/loop_host.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -49,17 +50,23 @@ std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t 
     frames.push_back(endpoint_.encode(request));
   }
   if (const auto request = traces_.poll()) frames.push_back(endpoint_.encode(*request));
-  session_.prepare();
+  if (is_busy() && update_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+    take_model(update_.get(), frames);
+    for (const auto& news : news_) news(session_);
+    news_.clear();
+  }
+  if (!is_busy()) session_.prepare();
   if (session_.due(tick)) model_is_due_ = true;
-  if (model_is_due_ && backlog_bytes <= bytes_behind_model_ && computing_.size() < config_.models_under_way) {
+  if (model_is_due_ && !is_busy() && backlog_bytes <= bytes_behind_model_ &&
+      computing_.size() < config_.models_under_way) {
     model_is_due_ = false;
-    if (auto update = session_.update()) {
-      // Which patch it will be is known before the model is.
-      begin_basis(*update);
-      computing_.emplace_back(tick + config_.host_delay_ticks, std::move(*update));
+    begun_tick_ = tick;
+    basis_waits_ = session_.basis_waits();
+    if (config_.session_beside) {
+      update_ = std::async(std::launch::async, [this] { return session_.update(); });
+    } else {
+      take_model(session_.update(), frames);
     }
-    // What is missing still after the next update is interpolated.
-    for (const TickRange& gap : session_.missing()) frames.push_back(endpoint_.encode(traces_.request(gap)));
   }
   if (held_back_) begin_basis(*held_back_);
   if (held_back_ && bases_.is_held(held_back_->packed.state.basis_id)) {
@@ -80,6 +87,24 @@ std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t 
   return frames;
 }
 
+void LoopHost::take_model(std::optional<ModelUpdate> update, std::vector<link::OutgoingFrame>& frames) {
+  if (update) {
+    // Which patch it will be is known before the model is.
+    begin_basis(*update);
+    computing_.emplace_back(begun_tick_ + config_.host_delay_ticks, std::move(*update));
+  }
+  // What is missing still after the next update is interpolated.
+  for (const TickRange& gap : session_.missing()) frames.push_back(endpoint_.encode(traces_.request(gap)));
+}
+
+void LoopHost::tell_session(std::function<void(Session&)> news) {
+  if (is_busy()) {
+    news_.push_back(std::move(news));
+  } else {
+    news(session_);
+  }
+}
+
 LoopCounters LoopHost::counters() const {
   LoopCounters counters = result_.counters;
   const link::EndpointCounters heard = endpoint_.counters();
@@ -87,7 +112,7 @@ LoopCounters LoopHost::counters() const {
   counters.frames_lost_up = heard.frames_lost + heard.payloads_malformed;
   counters.frames_lost_down = board_status_ ? board_status_->frames_lost : 0;
   counters.frames_repeated_up = heard.frames_repeated;
-  counters.basis_waits = session_.basis_waits();
+  counters.basis_waits = is_busy() ? basis_waits_ : session_.basis_waits();
   return counters;
 }
 
@@ -221,7 +246,9 @@ void LoopHost::take(const palpate_ModelReport_1_0& report) {
     update.swap_tick = report.swap_tick;
     update.correction_energy_J = report.correction_energy_J;
     if (report.status == static_cast<std::uint8_t>(Status::ok))
-      session_.note_taken(update.tick, report.swap_tick);
+      tell_session([model_tick = update.tick, swap_tick = report.swap_tick](Session& session) {
+        session.note_taken(model_tick, swap_tick);
+      });
   }
   if (report.status == static_cast<std::uint8_t>(Status::ok)) {
     ++result_.counters.models_taken;
@@ -231,7 +258,7 @@ void LoopHost::take(const palpate_ModelReport_1_0& report) {
 }
 void LoopHost::take(const palpate_BasisReport_1_0& report) {
   bases_.take(report);
-  session_.note_held_bases(bases_.held());
+  tell_session([held = bases_.held()](Session& session) { session.note_held_bases(held); });
 }
 
 }  // namespace palpate::host

@@ -2,9 +2,13 @@
 // delay.
 #pragma once
 
+#include <chrono>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <future>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -42,7 +46,18 @@ class LoopHost {
   // For models that are begun from now on.
   void set_delay(std::uint32_t ticks) { config_.host_delay_ticks = ticks; }
 
+  // Of a session that runs beside the loop only while it is not busy.
   [[nodiscard]] const Session& session() const { return session_; }
+  // A model is being computed beside the loop.
+  [[nodiscard]] bool is_busy() const { return update_.valid(); }
+  // How long it has been, at this tick.
+  [[nodiscard]] std::uint32_t busy_ticks(std::uint32_t tick) const {
+    return is_busy() ? tick - begun_tick_ : 0;
+  }
+  // False when it is not there after that time.
+  [[nodiscard]] bool wait_until_computed(std::chrono::milliseconds longest) const {
+    return !is_busy() || update_.wait_for(longest) == std::future_status::ready;
+  }
   [[nodiscard]] const std::vector<UpdateRecord>& updates() const { return result_.updates; }
   [[nodiscard]] LoopCounters counters() const;
   // As the board said last, if it has.
@@ -58,6 +73,10 @@ class LoopHost {
       palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
 
   [[nodiscard]] Replay replay(const std::vector<LoopTick>& recorded, int node);
+  // Now, or when the model that is being computed beside the loop is there.
+  void tell_session(std::function<void(Session&)> news);
+  // Takes over what has been computed. Its frames ask for ticks that are missing.
+  void take_model(std::optional<ModelUpdate> update, std::vector<link::OutgoingFrame>& frames);
   // True when there was one.
   bool send_piece(std::size_t blocks, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
   // Brings the basis of the model to the board, or, where that is there, the one that will be wanted next;
@@ -66,8 +85,11 @@ class LoopHost {
   // The state, and its basis where it has to come with it or is not on the board.
   void send(ModelUpdate update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
   void send_state(const ModelUpdate& update, std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
-  void take(const palpate_ServoTrace_1_0& trace) { session_.take(trace); }
-  void take(const palpate_TipTrace_1_0& trace) { session_.take(trace); }
+  template <class Trace>
+  requires std::same_as<Trace, palpate_ServoTrace_1_0> || std::same_as<Trace, palpate_TipTrace_1_0>
+  void take(const Trace& trace) {
+    tell_session([trace](Session& session) { session.take(trace); });
+  }
   void take(const palpate_BoardStatus_1_0& status);
   void take(const palpate_ModelReport_1_0& report);
   void take(const palpate_BasisReport_1_0& report);
@@ -94,6 +116,11 @@ class LoopHost {
   ClosedLoopResult result_;
   bool has_peak_ = false;
   double peak_N_ = 0.0;
+  // Beside the loop (ClosedLoopConfig::session_beside); last, for its thread uses what is above.
+  std::uint32_t begun_tick_ = 0;
+  std::uint64_t basis_waits_ = 0;                    // when it was not busy last
+  std::vector<std::function<void(Session&)>> news_;  // for the session, when it is not busy any more
+  std::future<std::optional<ModelUpdate>> update_;
 };
 
 }  // namespace palpate::host

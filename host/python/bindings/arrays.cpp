@@ -31,6 +31,16 @@ nb::object vector3(const Vec3d& v) {
   return array(std::vector<double>{v.x, v.y, v.z});
 }
 
+nb::object triangle_friction(const host::Body& body, const host::FrictionSpec& friction) {
+  const host::SurfaceFriction surface(body, friction);
+  std::vector<double> coefficient;
+  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
+    const Friction<double>& here = surface.of(static_cast<std::uint32_t>(t));
+    coefficient.insert(coefficient.end(), {here.static_coefficient, here.kinetic_coefficient});
+  }
+  return array(std::move(coefficient), 2);
+}
+
 void add_body(nb::dict& result, const host::Body& body, const host::FrictionSpec& friction,
               const Eigen::Matrix3Xd& position_m, double time_s, const Vec3d* tip_m,
               const std::vector<int>& patch_nodes) {
@@ -41,13 +51,7 @@ void add_body(nb::dict& result, const host::Body& body, const host::FrictionSpec
   result["body/tip_m"] = vector3(tip_m != nullptr ? *tip_m : Vec3d{kNone, kNone, kNone});
   result["body/triangles"] =
       columns3<std::uint32_t>(body.triangles(), [](const host::Triangle& t) { return t; });
-  const host::SurfaceFriction surface(body, friction);
-  std::vector<double> coefficient;
-  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
-    const Friction<double>& here = surface.of(static_cast<std::uint32_t>(t));
-    coefficient.insert(coefficient.end(), {here.static_coefficient, here.kinetic_coefficient});
-  }
-  result["body/triangle_friction"] = array(std::move(coefficient), 2);
+  result["body/triangle_friction"] = triangle_friction(body, friction);
   result["body/patch_nodes"] = column<std::uint32_t>(patch_nodes, [](int node) { return node; });
 }
 

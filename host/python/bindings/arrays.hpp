@@ -54,6 +54,8 @@ nb::object nodes_by_3(const Eigen::Matrix3Xd& columns);
 // (states, nodes, 3)
 nb::object stacked(const std::vector<host::BodyState>& states, bool velocities, std::size_t nodes);
 nb::object vector3(const Vec3d& v);
+// (triangles, 2): static and kinetic coefficient.
+nb::object triangle_friction(const host::Body& body, const host::FrictionSpec& friction);
 
 // The datasets body/* that every experiment returns. `tip_m` nullptr: there is none.
 void add_body(nb::dict& result, const host::Body& body, const host::FrictionSpec& friction,

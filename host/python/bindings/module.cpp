@@ -26,4 +26,5 @@ NB_MODULE(_core, module) {
   palpate::python::bind_session(module);
   palpate::python::bind_device(module);
   palpate::python::bind_endpoint(module);
+  palpate::python::bind_live_loop(module);
 }

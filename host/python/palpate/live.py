@@ -1,0 +1,269 @@
+"""A scene in real time: the firmware on its board, a plant whose hand follows a mouse, the host's session.
+
+    with Live(load_scene(file)) as live:
+        live.arm()
+        live.guide_hand([0.0, 0.0, -0.022])
+        live.poll()
+        print(live.history["force_normal_N"][-1])
+
+The loop runs in a thread of the core; nothing here makes it wait. All positions are in the device frame.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core, record_layout
+from palpate.body import vector3
+from palpate.hil import BOARDS, Board, BoardError
+from palpate.history import History
+from palpate.paths import cache_folder
+from palpate.recorder import Recorder
+from palpate.scene import Scene, SceneError
+from palpate.tip_path import TipPath
+
+Floats = NDArray[np.float64]
+
+TICK_S = 1e-3
+HISTORY_S = 10.0
+# Of the hand above the middle of the body's top where a scene has no path.
+_START_ABOVE_M = 0.015
+COLUMNS = (
+    "time_s", "force_normal_N", "force_tangential_N", "cone_N", "contact_mode", "tip_x_m", "tip_y_m", "tip_z_m",
+    "hand_N", "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "absorbed_J", "late_s",
+    "took_s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The newest tick's contact: where the tip is and what it does to the body.
+
+    tip_m, force_N (of the tip on the body), normal (outward; zeros when free): (3,). mode: "free", "stick" or "slip".
+    friction: static coefficient of the triangle that is touched.
+    """
+
+    tip_m: Floats
+    hand_m: Floats
+    force_N: Floats
+    normal: Floats
+    mode: str
+    friction: float
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The body as the session had it at the end of a tick: position_m and velocity_m_s (n, 3), nodes of the newest patch."""
+
+    tick: int
+    position_m: Floats
+    velocity_m_s: Floats
+    patch_nodes: NDArray[np.uint32]
+
+
+class Live:
+    """A running loop. Use as a context manager. One thread calls.
+
+    board: a name in `hil.BOARDS`. path: that play_path() follows, in place of the scene's. Without any the hand begins
+    above the middle of the body. Raises SceneError for scenes that have no tip to touch with, BoardError where the board
+    cannot be started.
+    """
+
+    def __init__(self, scene: Scene, board: str = "native", path: TipPath | None = None) -> None:
+        if board not in BOARDS:
+            raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
+        self.scene = scene
+        self.board_name = board
+        self.status: dict[str, Any] = {}
+        self.contact: Contact | None = None
+        self.picture: Picture | None = None
+        self.history = History(COLUMNS, round(HISTORY_S / TICK_S))
+        self.recording: Path | None = None
+        self.recorded_ticks = 0
+        self._dict = _for_a_person(scene, path)
+        self.triangle_friction: Floats = _core.triangle_friction(self._dict)
+        self._board_type = BOARDS[board]
+        self._recorder: Recorder | None = None
+        self._absorbed_J = 0.0
+        self._last_tip_m: Floats | None = None
+
+    def __enter__(self) -> Self:
+        self._board = Board(self._board_type)
+        self._board.__enter__()
+        try:
+            self._loop = _core.LiveLoop(
+                self._dict, self._board.actuator_fd, self._board.sensor_fd, str(cache_folder() / "bases")
+            )
+        except ValueError as error:
+            self._board.__exit__(type(error), error, None)
+            raise SceneError(f"{self.scene.file}: {error}") from None
+        except BaseException as error:
+            self._board.__exit__(type(error), error, None)
+            raise
+        self._loop.start()
+        self.poll()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._loop.stop()
+            self.poll()
+            self.stop_recording()
+        finally:
+            # A loop that has failed has not told its board to end.
+            failed = BoardError(self.status["error"]) if self.status.get("error") else error
+            self._board.__exit__(type(failed) if failed else None, failed, trace)
+
+    # Controls: in effect from the next tick on.
+
+    def guide_hand(self, target_m: ArrayLike) -> bool:
+        """Where the hand shall go; smoothed, at most 0.5 m/s. False, and no effect, where the arm cannot reach."""
+        x, y, z = vector3("target_m", target_m)
+        return self._loop.guide_hand(x, y, z)
+
+    def play_path(self) -> None:
+        """The hand goes to the beginning of the path and follows it."""
+        self._loop.play_path()
+
+    def set_grip(self, grip: float) -> None:
+        """0 let go to 1 as tight as the scene's hand. ValueError beyond."""
+        self._loop.set_grip(grip)
+
+    def arm(self) -> None:
+        """Asks the board to switch its outputs on, in two steps (docs/safety.md)."""
+        self._loop.arm()
+
+    def command(self, action: str) -> None:
+        """disarm, calibrate, clear_fault or stop, over the link."""
+        self._loop.command(action)
+
+    def set_emergency_stop(self, is_open: bool) -> None:
+        """Opens or closes the chain of the emergency stop at the board."""
+        self._loop.set_emergency_stop(is_open)
+
+    def set_unplugged(self, unplugged: bool) -> None:
+        """Pulls the link's cable out, or puts it in again."""
+        self._loop.set_unplugged(unplugged)
+
+    def burn_next_tick(self) -> None:
+        """The next servo tick takes 2.5 ms longer; without effect on board native, which has no clock."""
+        self._loop.burn_next_tick()
+
+    def add_faults(self, direction: str, kind: str, count: int, argument: int = 1) -> None:
+        """Of the next `count` frames "down" to the board or "up" to the host: drop, flip_bit (number `argument`), truncate
+        (to `argument` bytes), duplicate or reorder (behind `argument` more)."""
+        self._loop.add_faults(direction, kind, argument, count)
+
+    def set_host_delay(self, ticks: int) -> None:
+        """From the tick in which a model is due to its hand-over to the link, 0 to 1000 ms."""
+        self._loop.set_host_delay(ticks)
+
+    def set_speed(self, speed: float) -> None:
+        """Virtual over wall-clock time, at most 10; 0 pauses."""
+        self._loop.set_speed(speed)
+
+    # Results
+
+    def poll(self) -> bool:
+        """Takes over what has happened since the call before. False when the loop has ended, with `problem` set."""
+        self.status = self._loop.status
+        block = self._loop.take()
+        self._board.sign_of_life(self.status["tick"])
+        if len(block["ticks/tick"]):
+            self._remember(block)
+            if self._recorder is not None:
+                rows = {path: array for path, array in block.items() if not path.startswith("wall/")}
+                if self._recorder.append(rows):
+                    self.recorded_ticks += len(block["ticks/tick"])
+        if (shown := self._loop.take_picture()) is not None:
+            self.picture = Picture(**shown)
+        return bool(self.status["running"])
+
+    @property
+    def problem(self) -> str | None:
+        """Why the loop has ended by itself, on one line; None: it has not."""
+        if not self.status.get("error"):
+            return None
+        return self._board.failure() or str(self.status["error"])
+
+    def record(self, file: Path) -> None:
+        """Begins to record into `file` (docs/records.md). OSError where it cannot be made."""
+        self.stop_recording()
+        attributes = {"command": "gui", "board": self.board_name}
+        self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self.scene.text)
+        self.recording, self.recorded_ticks = file, 0
+
+    def stop_recording(self) -> None:
+        """Closes the file; does nothing where none is open."""
+        if self._recorder is not None:
+            self._recorder.close()
+            self._recorder, self.recording = None, None
+
+    def _remember(self, block: Mapping[str, NDArray[Any]]) -> None:
+        force_N = block["ticks/force_N"].astype(np.float64)
+        normal = block["ticks/normal"].astype(np.float64)
+        tip_m = block["ticks/tip_m"].astype(np.float64)
+        mode = block["ticks/contact_mode"]
+        pressing_N = -np.einsum("ij,ij->i", force_N, normal)
+        tangential_N = np.linalg.norm(force_N + pressing_N[:, None] * normal, axis=1)
+        # The triangle of a free tick has no meaning.
+        triangle = np.where(mode == 0, 0, block["ticks/triangle"]).astype(np.intp)
+        friction = self.triangle_friction[triangle, 0]
+        before = np.vstack([tip_m[:1] if self._last_tip_m is None else self._last_tip_m[None], tip_m[:-1]])
+        self._last_tip_m = tip_m[-1]
+        absorbed_J = self._absorbed_J + np.cumsum(np.einsum("ij,ij->i", force_N, tip_m - before))
+        self._absorbed_J = float(absorbed_J[-1])
+        self.history.append({
+            "time_s": block["ticks/tick"] * TICK_S,
+            "force_normal_N": pressing_N,
+            "force_tangential_N": tangential_N,
+            "cone_N": friction * pressing_N,
+            "contact_mode": mode,
+            "tip_x_m": tip_m[:, 0],
+            "tip_y_m": tip_m[:, 1],
+            "tip_z_m": tip_m[:, 2],
+            "hand_N": np.linalg.norm(block["ticks/hand_force_N"], axis=1),
+            "tick_count": block["ticks/tick_count"],
+            "busy_count": block["ticks/busy_count"],
+            "model_age_s": block["ticks/model_age_ticks"] * TICK_S,
+            "link_up_bytes": block["ticks/link_up_bytes"],
+            "link_down_bytes": block["ticks/link_down_bytes"],
+            "absorbed_J": absorbed_J,
+            "late_s": block["wall/late_s"],
+            "took_s": block["wall/took_s"],
+        })  # fmt: skip
+        self.contact = Contact(
+            tip_m[-1],
+            block["ticks/hand_target_m"][-1],
+            force_N[-1],
+            normal[-1],
+            record_layout.CONTACT_MODES[mode[-1]],
+            float(friction[-1]),
+        )
+
+
+def _for_a_person(scene: Scene, path: TipPath | None) -> dict[str, Any]:
+    """The scene for the core, its hand one that follows a guide."""
+    if scene.sections.body.dimension != 3:
+        raise SceneError(f"{scene.file}: body.dimension = {scene.sections.body.dimension}: must be 3 to be touched")
+    values = scene.to_dict()
+    values["hand"]["kind"] = "impedance"
+    if path is not None:
+        values["path"] = {
+            "interpolation": path.interpolation, "time_s": path.time_s, "position_m": path.position_m
+        }  # fmt: skip
+    elif values["path"] is None:
+        body = values["body"]
+        size_m = body["spacing_m"] * (np.array(body["nodes"]) - 1.0)
+        above_m = np.array(body["origin_m"]) + size_m * [0.5, 0.5, 1.0] + [0.0, 0.0, _START_ABOVE_M]
+        values["path"] = {
+            "interpolation": "minimum_jerk", "time_s": np.zeros(1), "position_m": above_m[None]
+        }  # fmt: skip
+    return values
