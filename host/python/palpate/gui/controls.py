@@ -1,0 +1,204 @@
+"""The panel of controls: scene, material, rates, board, faults, recording, view."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import polyscope.imgui as psim
+
+from palpate.gui.body_view import COLOURINGS
+from palpate.gui.settings import BAUDS, BUILDERS
+from palpate.hil import BOARDS
+from palpate.paths import SCENES
+
+if TYPE_CHECKING:
+    from palpate.gui.app import App
+
+MODES = ("boot", "idle", "calibrate", "render", "fault")
+# Bits of BoardStatus.faults (docs/safety.md).
+FAULTS = (
+    "emergency stop", "stop command", "not a number", "encoder jump", "over speed", "outside workspace",
+    "over current", "force implausible", "deadline missed",
+)  # fmt: skip
+_MODE_COLOURS = {
+    "boot": (0.5, 0.5, 0.5, 1.0), "idle": (0.25, 0.45, 0.75, 1.0), "calibrate": (0.45, 0.35, 0.65, 1.0),
+    "render": (0.10, 0.55, 0.28, 1.0), "fault": (0.80, 0.12, 0.12, 1.0),
+}  # fmt: skip
+_STOP = (0.80, 0.10, 0.10, 1.0)
+_DULL = (0.45, 0.45, 0.45, 1.0)
+_WARNING = (0.80, 0.40, 0.0, 1.0)
+_FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
+_WIDTH = 140.0
+
+
+def fault_names(bits: int) -> list[str]:
+    """Of BoardStatus.faults."""
+    return [name for bit, name in enumerate(FAULTS) if bits >> bit & 1]
+
+
+class Controls:
+    """Draws the panel and calls the app; keeps only what is not the app's."""
+
+    def __init__(self) -> None:
+        self._scenes = sorted(SCENES.glob("*.toml"))
+        self._fault_kind = 0
+        self._fault_count = 10
+        self._direction = 0
+        self._grip = 1.0
+        self._delay_ms: int | None = None
+        self._speed = 1.0
+
+    def draw(self, app: "App") -> None:
+        """In the present window."""
+        psim.PushItemWidth(_WIDTH)
+        self._safety(app)
+        if psim.CollapsingHeader("Scene", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            self._scene(app)
+        if psim.CollapsingHeader("Hand", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            self._hand(app)
+        if psim.CollapsingHeader("View", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            self._view(app)
+        if psim.CollapsingHeader("Recording", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            self._recording(app)
+        if psim.CollapsingHeader("Faults to inject"):
+            self._faults(app)
+        if psim.CollapsingHeader("Numbers", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            self._numbers(app)
+        psim.PopItemWidth()
+
+    def restarted(self) -> None:
+        """A new loop has the grip and speed of its scene."""
+        self._grip, self._delay_ms, self._speed = 1.0, None, 1.0
+
+    def _safety(self, app: "App") -> None:
+        live = app.live
+        mode = MODES[min(live.status["board_mode"], len(MODES) - 1)] if live.status["board_heard"] else "boot"
+        psim.TextColored(_MODE_COLOURS[mode], f"board {live.board_name}: {mode}")
+        for name in fault_names(live.status["board_faults"]):
+            psim.TextColored(_STOP, f"  {name}")
+        psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
+        psim.PushStyleColor(psim.ImGuiCol_Text, (1.0, 1.0, 1.0, 1.0))
+        label = "release e-stop" if app.emergency_stop else "E-STOP (space)"
+        if psim.Button(label, (-1.0, 34.0)):
+            app.set_emergency_stop(not app.emergency_stop)
+        psim.PopStyleColor(2)
+        _button("arm", mode == "idle", live.arm)
+        psim.SameLine()
+        _button("disarm", mode == "render", lambda: live.command("disarm"))
+        psim.SameLine()
+        _button("clear fault", mode == "fault" and not app.emergency_stop, lambda: live.command("clear_fault"))
+        psim.SameLine()
+        _button("calibrate", mode == "idle", lambda: live.command("calibrate"))
+        psim.SetItemTooltip("the arm rests in its reference pose for 0.1 s (docs/safety.md)")
+
+    def _scene(self, app: "App") -> None:
+        settings, shown = app.settings, app.shown
+        files = [*self._scenes] if settings.file in self._scenes else [settings.file, *self._scenes]
+        changed, index = psim.Combo("scene", files.index(settings.file), [file.stem for file in files])
+        if changed:
+            app.open(files[index])
+        boards = list(BOARDS)
+        changed, index = psim.Combo("board", boards.index(settings.board), boards)
+        if changed:
+            app.choose_board(boards[index])
+        logarithmic = psim.ImGuiSliderFlags_Logarithmic
+        for name, label, low, high, text, flags in (
+            ("stiffness_N_m", "spring", 1.0, 1e4, "%.0f N/m", logarithmic),
+            ("damping_ratio", "damping ratio", 0.05, 2.0, "%.2f", logarithmic),
+            ("friction", "friction", 0.0, 2.0, "%.2f", 0),
+            ("update_Hz", "updates", 10.0, 120.0, "%.0f Hz", 0),
+        ):
+            value = float(app.pending.get(name, shown[name]))
+            changed, value = psim.SliderFloat(label, value, low, high, text, flags)
+            if changed:
+                app.pending[name] = value
+        changed, index = psim.Combo("builder", BUILDERS.index(app.pending.get("builder", shown["builder"])), BUILDERS)
+        if changed:
+            app.pending["builder"] = BUILDERS[index]
+        baud = app.pending.get("baud", shown["baud"])
+        bauds = sorted({*BAUDS, baud})
+        changed, index = psim.Combo("link", bauds.index(baud), [f"{b / 1e6:g} Mbaud" for b in bauds])
+        if changed:
+            app.pending["baud"] = bauds[index]
+        _button("apply and restart", bool(app.pending), app.apply)
+        psim.SameLine()
+        _button("scene's own", bool(settings.overrides or app.pending), lambda: app.open(settings.file))
+        delay_ms = app.host_delay_ms if self._delay_ms is None else self._delay_ms
+        changed, delay_ms = psim.SliderInt("host delay", delay_ms, 0, 200, "%d ms")
+        if changed:
+            self._delay_ms = delay_ms
+            app.live.set_host_delay(delay_ms)
+        changed, self._speed = psim.SliderFloat("speed", self._speed, 0.0, 2.0, "%.2f of real time")
+        if changed:
+            app.live.set_speed(self._speed)
+
+    def _hand(self, app: "App") -> None:
+        changed, enabled = psim.Checkbox("mouse is the hand (H)", app.hand.enabled)
+        if changed:
+            app.hand.enable(enabled)
+        psim.TextColored(_DULL, "move: level; wheel or left\nbutton: up and down")
+        _button("play the scene's path", True, app.play_path)
+        changed, self._grip = psim.SliderFloat("grip", self._grip, 0.0, 1.0, "%.2f")
+        if changed:
+            app.live.set_grip(self._grip)
+
+    def _view(self, app: "App") -> None:
+        for colouring in COLOURINGS:
+            if psim.RadioButton(colouring, app.view.colouring == colouring):
+                app.view.colouring = colouring
+            if colouring != "nothing" and colouring != "stress":
+                psim.SameLine()
+        if app.view.colouring != "nothing":
+            top, unit = app.view.range
+            psim.Text(f"colours: 0 to {top:g} {unit}")
+        _, app.show_cone = psim.Checkbox("friction cone", app.show_cone)
+
+    def _recording(self, app: "App") -> None:
+        live = app.live
+        if live.recording is None:
+            _button("record", True, app.record)
+            psim.SameLine()
+            _button("replay the last", app.last_recording is not None, app.replay_last)
+        else:
+            _button("stop", True, app.stop_recording)
+            psim.SameLine()
+            psim.TextColored(_STOP, f"{live.recorded_ticks / 1e3:.1f} s")
+            psim.Text(live.recording.name)
+
+    def _faults(self, app: "App") -> None:
+        live = app.live
+        _, self._direction = psim.Combo("frames", self._direction, ["to the board", "to the host"])
+        _, self._fault_kind = psim.Combo("fault", self._fault_kind, _FAULT_KINDS)
+        _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames")
+        direction = ("down", "up")[self._direction]
+        kind = _FAULT_KINDS[self._fault_kind]
+        _button("inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
+        psim.SameLine()
+        changed, unplugged = psim.Checkbox("cable out", app.unplugged)
+        if changed:
+            app.set_unplugged(unplugged)
+        _button("an overlong tick", live.board_name != "native", live.burn_next_tick)
+
+    def _numbers(self, app: "App") -> None:
+        live = app.live
+        status = live.status
+        psim.Text(f"{app.frames_per_s:.0f} frames/s, loop at {app.real_time:.2f} of real time")
+        if app.real_time < 0.9 and self._speed >= 1.0:
+            psim.TextColored(_WARNING, "this machine is too slow for the body:\neverything goes slower, nothing is lost")
+        psim.Text(f"models {status['models_taken']} of {status['models_sent']}, refused {status['models_refused']}")
+        psim.Text(f"frames lost: {status['frames_lost_down']} down, {status['frames_lost_up']} up")
+        psim.Text(f"missed deadlines {status['board_missed_deadlines']}")
+        if live.contact is not None:
+            x_mm, y_mm, z_mm = 1e3 * live.contact.tip_m
+            psim.Text(f"tip {x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f} mm: {live.contact.mode}")
+        if app.message:
+            psim.PushTextWrapPos(0.0)
+            psim.TextColored(_WARNING, app.message)
+            psim.PopTextWrapPos()
+
+
+def _button(label: str, possible: bool, pressed: Callable[[], object]) -> None:
+    psim.BeginDisabled(not possible)
+    if psim.Button(label):
+        pressed()
+    psim.EndDisabled()
+
