@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -158,6 +158,17 @@ def build_parser() -> argparse.ArgumentParser:
     simulate_command = add("simulate", "simulate a scene's body, without device and firmware")
     add_scene(simulate_command)
     add_out(simulate_command, "out/<name of the scene>")
+    gui = add("gui", "touch a body in a window, with the mouse as the hand")
+    gui.add_argument(
+        "scene", type=Path, nargs="?", default=SCENES / "demo.toml", metavar="SCENE", help="scene in TOML (default: the demo's)"
+    )
+    gui.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="set a key of the scene otherwise")
+    gui.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
+    gui.add_argument("--script", type=Path, metavar="FILE", help="a Python file with step(app, time_s): docs/gui.md")
+    gui.add_argument("--duration", type=float, metavar="S", help="close the window after so many seconds")
+    gui.add_argument("--screenshot", type=Path, metavar="PNG", help="write the window's last picture")
+    gui.add_argument("--size", default="1280x800", metavar="WxH", help="of the window in pixels (default: 1280x800)")
+    add_out(gui, "out/gui")
     choose = add("choose", "show what the rule makes of a scene's \"auto\", and why, line by line")
     add_scene(choose)
     add_board(choose)
@@ -446,6 +457,32 @@ def _reduce(arguments: argparse.Namespace) -> int:
     return OK if good else FAILED
 
 
+def _gui(arguments: argparse.Namespace) -> int:
+    from palpate.gui.command import Options, parse_size, run_window
+    from palpate.gui.settings import Settings
+
+    settings = Settings(arguments.scene, arguments.board, dict(parse_override(text) for text in arguments.set))
+    numbers = run_window(
+        Options(
+            settings,
+            _output_folder(arguments, "gui"),
+            arguments.script,
+            arguments.duration,
+            arguments.screenshot,
+            parse_size(arguments.size),
+        )
+    )
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(
+        f"{numbers['frames']} frames, {numbers['frames_per_s_median']:.0f} a second; {numbers['ticks']} servo ticks, "
+        f"{numbers['models_taken']} of {numbers['models_sent']} models taken",
+        file=table,
+    )
+    if arguments.json:
+        print(json.dumps(numbers, allow_nan=False))
+    return OK
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     from palpate.frontier import command
 
@@ -513,6 +550,7 @@ def main(argv: Sequence[str]) -> int:
             "reproduce": _reproduce,
             "reduce": _reduce,
             "bench": _bench,
+            "gui": _gui,
             "choose": _choose,
             "doctor": _doctor,
             "completion": _completion,

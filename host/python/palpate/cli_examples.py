@@ -22,6 +22,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run choose scenes/auto.toml",
         "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json",
     ),
+    "gui": (
+        "./run gui",
+        "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5",
+        "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png",
+    ),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),
     "test": ("./run test --quick",),

@@ -77,7 +77,7 @@ class Live:
     def __init__(self, scene: Scene, board: str = "native", path: TipPath | None = None) -> None:
         if board not in BOARDS:
             raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
-        self.scene = scene
+        self.scene = scene = scene.with_board(board)
         self.board_name = board
         self.status: dict[str, Any] = {}
         self.contact: Contact | None = None

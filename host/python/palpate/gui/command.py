@@ -1,5 +1,7 @@
 """`palpate gui`: opens the window, runs a script in it if there is one, and says at the end how it went."""
 
+import os
+import re
 import runpy
 import time
 from collections.abc import Callable
@@ -10,7 +12,9 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
+from palpate.doctor import check_display
 from palpate.gui.settings import Settings
+from palpate.scene import SceneError
 
 
 class GuiError(RuntimeError):
@@ -19,7 +23,7 @@ class GuiError(RuntimeError):
 
 @dataclass(frozen=True)
 class Options:
-    """of the command. script: a Python file with `step(app, time_s)`, called before each frame with the `App` and the
+    """Of the command. script: a Python file with `step(app, time_s)`, called before each frame with the `App` and the
     wall-clock time since the start in s; it ends the window by returning False. duration_s: ends it then; None: never."""
 
     settings: Settings
@@ -27,26 +31,30 @@ class Options:
     script: Path | None = None
     duration_s: float | None = None
     screenshot: Path | None = None
+    size: tuple[int, int] = (1280, 800)
 
 
-def run(options: Options) -> dict[str, Any]:
+def parse_size(text: str) -> tuple[int, int]:
+    """Of "1280x800". Raises SceneError beyond what the panels fit in."""
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (800 <= size[0] <= 8000 and 500 <= size[1] <= 8000):
+        raise SceneError(f"--size = {text}: must be WIDTHxHEIGHT from 800x500 to 8000x8000 pixels")
+    return size
+
+
+def run_window(options: Options) -> dict[str, Any]:
     """Returns what `--json` prints (docs/gui.md). Raises SceneError, BoardError, GuiError, OSError for files."""
+    display = check_display(dict(os.environ))
+    if not display.ok:
+        raise GuiError(f"no window can be opened: {display.found}; start it on a desktop, or under xvfb-run")
+    step = _load_script(options.script)
     try:
         from palpate.gui.app import App
     except ImportError as error:
         raise GuiError(f"the window needs the Python package polyscope ({error})") from None
-    step = _load_script(options.script)
-    try:
-        app = App(options.settings, options.out)
-        app.__enter__()
-    except RuntimeError as error:
-        if "board" in str(error):
-            raise
-        raise GuiError(
-            f"no window can be opened: {error}; start it on a desktop, or under xvfb-run"
-        ) from None
     frames_s = []
-    with app:
+    with App(options.settings, options.out, options.size) as app:
         began_s = time.monotonic()
         while True:
             now_s = time.monotonic()
@@ -62,12 +70,12 @@ def run(options: Options) -> dict[str, Any]:
             matplotlib.image.imsave(options.screenshot, app.screenshot())
         elapsed_s = time.monotonic() - began_s
         status = app.live.status
-        problem = app.live.problem
+        problem, settings = app.live.problem, app.settings
     if problem:
         raise GuiError(problem)
     return {
-        "board": options.settings.board,
-        "scene": str(options.settings.file),
+        "board": settings.board,
+        "scene": str(settings.file),
         "frames": len(frames_s),
         "frames_per_s_median": 1.0 / float(np.median(frames_s)) if frames_s else 0.0,
         "elapsed_s": elapsed_s,
@@ -85,8 +93,8 @@ def _load_script(file: Path | None) -> Callable[[Any, float], object] | None:
     if file is None:
         return None
     if not file.is_file():
-        raise FileNotFoundError(f"{file}: no such file: must be a Python script with step(app, time_s)")
+        raise SceneError(f"{file}: no such file: must be a Python script with step(app, time_s)")
     step = runpy.run_path(str(file)).get("step")
     if not callable(step):
-        raise ValueError(f"{file}: has no function step(app, time_s)")
+        raise SceneError(f"{file}: has no function step(app, time_s)")
     return step

@@ -20,12 +20,13 @@ FAULTS = (
     "over current", "force implausible", "deadline missed",
 )  # fmt: skip
 _MODE_COLOURS = {
-    "boot": (0.5, 0.5, 0.5, 1.0), "idle": (0.25, 0.45, 0.75, 1.0), "calibrate": (0.45, 0.35, 0.65, 1.0),
-    "render": (0.10, 0.55, 0.28, 1.0), "fault": (0.80, 0.12, 0.12, 1.0),
+    "boot": (0.75, 0.75, 0.75, 1.0), "idle": (0.55, 0.75, 1.0, 1.0), "calibrate": (0.80, 0.70, 1.0, 1.0),
+    "render": (0.45, 0.95, 0.55, 1.0), "fault": (1.0, 0.45, 0.40, 1.0),
 }  # fmt: skip
 _STOP = (0.80, 0.10, 0.10, 1.0)
-_DULL = (0.45, 0.45, 0.45, 1.0)
-_WARNING = (0.80, 0.40, 0.0, 1.0)
+_BAD = (1.0, 0.45, 0.40, 1.0)
+_DULL = (0.70, 0.70, 0.70, 1.0)
+_WARNING = (1.0, 0.70, 0.30, 1.0)
 _FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
 _WIDTH = 140.0
 
@@ -74,7 +75,7 @@ class Controls:
         mode = MODES[min(live.status["board_mode"], len(MODES) - 1)] if live.status["board_heard"] else "boot"
         psim.TextColored(_MODE_COLOURS[mode], f"board {live.board_name}: {mode}")
         for name in fault_names(live.status["board_faults"]):
-            psim.TextColored(_STOP, f"  {name}")
+            psim.TextColored(_BAD, f"  {name}")
         psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
         psim.PushStyleColor(psim.ImGuiCol_Text, (1.0, 1.0, 1.0, 1.0))
         label = "release e-stop" if app.emergency_stop else "E-STOP (space)"
@@ -161,7 +162,7 @@ class Controls:
         else:
             _button("stop", True, app.stop_recording)
             psim.SameLine()
-            psim.TextColored(_STOP, f"{live.recorded_ticks / 1e3:.1f} s")
+            psim.TextColored(_BAD, f"{live.recorded_ticks / 1e3:.1f} s")
             psim.Text(live.recording.name)
 
     def _faults(self, app: "App") -> None:

@@ -92,7 +92,7 @@ def _forces(history: History, window_s: float, size: tuple[float, float]) -> Non
 
 
 def _modes(history: History, window_s: float, size: tuple[float, float]) -> None:
-    _lines("0 free, 1 stick, 2 slip", "mode", history, window_s, size,
+    _lines("mode", "1 stick, 2 slip", history, window_s, size,
            [("contact", history["contact_mode"], _GREEN)], 2.0)  # fmt: skip
 
 
@@ -111,11 +111,11 @@ def _path(history: History, window_s: float, size: tuple[float, float]) -> None:
 
 def _ticks(history: History, window_s: float, size: tuple[float, float]) -> None:
     if len(history) and history["tick_count"].max() > 0:
-        _lines("clock counts", "of 40 ns", history, window_s, size, [
+        _lines("tick", "40 ns", history, window_s, size, [
             ("tick", history["tick_count"], _BLUE), ("with background", history["busy_count"], _GREY),
         ], 100.0)  # fmt: skip
     else:
-        _lines("a tick of the loop", "ms", history, window_s, size, [
+        _lines("tick", "ms", history, window_s, size, [
             ("took", 1e3 * history["took_s"], _BLUE)
         ], 1.0)  # fmt: skip
 
@@ -136,7 +136,7 @@ def _link(history: History, window_s: float, size: tuple[float, float]) -> None:
 
 
 def _age(history: History, window_s: float, size: tuple[float, float]) -> None:
-    _lines("model's age", "ms", history, window_s, size, [("age", 1e3 * history["model_age_s"], _BLUE)], 50.0)
+    _lines("model age", "ms", history, window_s, size, [("age", 1e3 * history["model_age_s"], _BLUE)], 50.0)
 
 
 def _energy(history: History, window_s: float, size: tuple[float, float]) -> None:

@@ -32,7 +32,7 @@ class Settings:
 
     def scene(self) -> Scene:
         """Raises SceneError as load_scene does."""
-        return load_scene(self.file, self.overrides)
+        return load_scene(self.file, self.overrides, self.board)
 
 
 def shown(scene: Scene) -> dict[str, Any]:

@@ -1,0 +1,96 @@
+"""Changes every kind of control and looks at what came of it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from stages import run  # noqa: E402
+
+from palpate import record  # noqa: E402
+from palpate.gui.body_view import COLOURINGS  # noqa: E402
+from palpate.paths import SCENES  # noqa: E402
+
+RENDER, FAULT, IDLE = 3, 4, 1
+
+
+def wait_for_mode(app, mode):
+    while app.live.status["board_mode"] != mode:
+        yield
+
+
+def wait_ticks(app, ticks):
+    until = app.live.status["tick"] + ticks
+    while app.live.status["tick"] < until:
+        yield
+
+
+def stages(app):
+    # New values count after apply, and stand in the scene then.
+    app.set("friction", 0.25)
+    app.set("stiffness_N_m", 150.0)
+    app.set("builder", "krylov")
+    assert app.live.scene.sections.contact.friction == 1.0
+    app.apply()
+    assert app.live.scene.sections.contact.friction == 0.25
+    assert app.shown["stiffness_N_m"] == 150.0 and app.shown["builder"] == "krylov"
+    assert not app.pending
+
+    # A value out of range is told, and the loop of before goes on.
+    app.set("friction", 50.0)
+    app.apply()
+    assert "contact.friction" in app.message, app.message
+    assert app.live.status["running"] and app.live.scene.sections.contact.friction == 0.25
+    app.pending.clear()
+
+    # Touching with the hand; a recording.
+    yield from wait_for_mode(app, IDLE)
+    app.live.arm()
+    yield from wait_for_mode(app, RENDER)
+    app.record()
+    assert app.live.recording is not None, app.message
+    app.guide_hand(np.array([0.0, 0.0, app.view.top_m - 0.004]))
+    while app.live.contact.mode == "free":
+        yield
+    yield from wait_ticks(app, 300)
+    app.guide_hand(np.array([5.0, 0.0, 0.0]))
+    assert "reach" in app.message
+    app.stop_recording()
+    values = record.load(app.last_recording).values
+    assert len(values["ticks/tick"]) >= 300 and np.any(values["ticks/contact_mode"] > 0)
+
+    # Every colouring draws.
+    for colouring in COLOURINGS:
+        app.view.colouring = colouring
+        yield from wait_ticks(app, 100)
+        if colouring != "nothing":
+            assert app.view.range[0] > 0.0
+
+    # Faults of the link are counted; the chain of the emergency stop latches.
+    app.live.add_faults("up", "drop", 30)
+    yield from wait_ticks(app, 700)
+    assert app.live.status["frames_lost_up"] > 0
+    app.set_emergency_stop(True)
+    yield from wait_for_mode(app, FAULT)
+    app.set_emergency_stop(False)
+    yield from wait_ticks(app, 50)
+    app.live.command("clear_fault")
+    yield from wait_for_mode(app, IDLE)
+
+    # The recording moves the hand again: to where it was.
+    deepest_m = float(values["ticks/hand_target_m"][:, 2].min())
+    app.replay_last()
+    while app.live.history["tip_z_m"].min(initial=1.0) > deepest_m + 0.002:
+        yield
+    assert app.live.status["board_mode"] == RENDER
+
+    # Another scene, and the board in QEMU.
+    app.open(SCENES / "press.toml")
+    assert app.settings.file.stem == "press" and app.shown["builder"] == "patch"
+    app.choose_board("mps2_an386")
+    assert app.live.board_name == "mps2_an386", app.message
+    yield from wait_for_mode(app, IDLE)
+
+
+step = run(stages, 200.0)

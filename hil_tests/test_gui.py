@@ -1,0 +1,94 @@
+"""The window, for real: on an X server without a screen, drawn by software."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPTS = ROOT / "hil_tests" / "gui_scripts"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "host" / "python")}
+WIDTH, HEIGHT = 1280, 800
+# What the panels leave of the window (palpate/gui/app.py).
+SCENE = (slice(0, HEIGHT), slice(290, 900))
+PLOTS = (slice(0, HEIGHT), slice(900, WIDTH))
+CONTROLS = (slice(0, HEIGHT), slice(0, 290))
+
+
+def gui(*arguments: object, screen: bool = True, timeout_s: float = 280.0) -> subprocess.CompletedProcess[str]:
+    """`palpate gui --json ...`."""
+    words = [sys.executable, "-m", "palpate", "gui", "--json", *map(str, arguments)]
+    if screen:
+        words = ["xvfb-run", "-a", "-s", f"-screen 0 {WIDTH}x{HEIGHT}x24", *words]
+    environment = {k: v for k, v in ENVIRONMENT.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=timeout_s)
+
+
+def near(image: np.ndarray, colour: tuple[float, float, float], tolerance: float) -> int:
+    """Pixels of about that colour."""
+    return int((np.abs(image[..., :3] - colour).max(axis=-1) < tolerance).sum())
+
+
+@pytest.mark.timeout(300)
+def test_touch_and_look(tmp_path: Path) -> None:
+    picture = tmp_path / "gui.png"
+    done = gui("scenes/demo.toml", "--script", SCRIPTS / "touch.py", "--screenshot", picture, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads(done.stdout)
+    assert numbers["models_taken"] > 0 and numbers["frames"] > 10
+    image = matplotlib.image.imread(picture)
+    assert image.shape[:2] == (HEIGHT, WIDTH)
+    scene, plots, controls = image[SCENE], image[PLOTS], image[CONTROLS]
+    # The body covers a good part of the white background.
+    body = (scene[..., :3].max(axis=-1) < 0.98).mean()
+    assert 0.15 < body < 0.8
+    # Points of the patch: a red that nothing else has.
+    red = (scene[..., 0] > 0.75) & (scene[..., 1] < 0.65) & (scene[..., 2] > 0.35) & (scene[..., 2] < 0.8)
+    assert red.sum() > 100
+    # The displacement: more than one colour on the body.
+    assert len(np.unique((scene[..., :3] * 16).astype(int).reshape(-1, 3), axis=0)) > 40
+    # Lines in the plots: blue and orange ones.
+    assert near(plots, (0.12, 0.40, 0.80), 0.08) > 300
+    assert near(plots, (0.90, 0.45, 0.05), 0.08) > 100
+    assert near(controls, (0.80, 0.10, 0.10), 0.05) > 2000  # the button of the emergency stop
+
+
+@pytest.mark.timeout(300)
+def test_controls_by_script(tmp_path: Path) -> None:
+    done = gui("scenes/demo.toml", "--script", SCRIPTS / "controls.py", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert len(list(tmp_path.glob("recording_*.h5"))) == 1
+    assert json.loads(done.stdout)["board"] == "mps2_an386"
+
+
+@pytest.mark.timeout(200)
+def test_mouse_and_keys(tmp_path: Path) -> None:
+    done = gui("scenes/demo.toml", "--script", SCRIPTS / "mouse.py", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_a_display_it_says_what_to_do() -> None:
+    done = gui("--duration", 1, screen=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1 and "xvfb-run" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--size", "10x10"), "--size"),
+        (("--script", "no_such_file.py"), "no_such_file.py"),
+        (("no_such_scene.toml",), "no_such_scene.toml"),
+        (("scenes/wave2d.toml",), "body.dimension"),
+        (("--set", "contact.friction=-1"), "contact.friction"),
+    ],
+)
+def test_bad_input_ends_with_one_line(arguments: tuple[str, ...], word: str) -> None:
+    done = gui(*arguments, "--duration", 1)
+    assert done.returncode == 2, done.stderr
+    assert word in done.stderr and "Traceback" not in done.stderr
