@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from palpate.experiments import Result, run, simulate, sweep
     from palpate.hil import BoardError
     from palpate.link import Uart
+    from palpate.live import Live
     from palpate.local_model import LocalModel, build_model
     from palpate.plant import Plant
     from palpate.scene import Scene, SceneError, load_scene, make_scene
@@ -27,6 +28,7 @@ _HOMES = {
     "experiments": ("Result", "run", "simulate", "sweep"),
     "hil": ("BoardError",),
     "link": ("Uart",),
+    "live": ("Live",),
     "local_model": ("LocalModel", "build_model"),
     "plant": ("Plant",),
     "scene": ("Scene", "SceneError", "load_scene", "make_scene"),
@@ -42,6 +44,7 @@ __all__ = [
     "BoardState",
     "Body",
     "Drive",
+    "Live",
     "LocalModel",
     "Plant",
     "Result",

@@ -260,7 +260,7 @@ def test_errors_name_thing_place_and_range(wrong: Callable[[palpate.Body], Any],
 
 
 def test_stubs_and_interface_hold_under_mypy() -> None:
-    modules = ["__init__", "body", "local_model", "link", "plant", "session", "experiments", "board_link"]
+    modules = ["__init__", "body", "local_model", "link", "plant", "session", "experiments", "board_link", "live", "history", "stress"]
     files = [str(ROOT / f"host/python/palpate/{module}.py") for module in modules]
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--cache-dir=/dev/null", *files],

@@ -26,7 +26,7 @@ _NORMAL = (0.16, 0.40, 0.85)
 _HAND = (0.35, 0.30, 0.55)
 _FORCE_SCALE_m_N = 0.008
 _CONE_CORNERS = 24
-_QUANTITY = "colouring"
+_COLOUR_BAR = (300.0, 20.0)  # pixels from the window's upper left corner
 # Out of sight without a change of the scene's structures, which costs milliseconds.
 _NOWHERE = np.array([0.0, 0.0, 1e3])
 
@@ -46,6 +46,7 @@ class BodyView:
         self._on_surface, corners = np.unique(body.triangles, return_inverse=True)
         self._stress = NodalStress(body, spacing_m)
         self._range = 0.0
+        self._coloured_as = ""
         self.colouring: Colouring = "displacement"
         self._coloured: Colouring | None = None
         self._values: Floats = np.zeros(len(self._on_surface))
@@ -87,8 +88,7 @@ class BodyView:
     @property
     def range(self) -> tuple[float, str]:
         """Top of the colour scale, and its unit."""
-        unit, factor, _, _ = UNITS[self.colouring]
-        return self._range * factor, unit
+        return self._range, UNITS[self.colouring][0]
 
     def show(self, picture: Picture) -> None:
         """The body of a picture."""
@@ -111,24 +111,27 @@ class BodyView:
                 self._mesh.remove_all_quantities()
             self._coloured = "nothing"
             return
-        smallest, cmap = UNITS[self.colouring][2:]
-        largest = max(float(self._values.max(initial=0.0)), smallest)
-        # A new range compiles a shader: rarely, by doubling and halving.
-        new = self.colouring != self._coloured
-        if new:
-            self._range = smallest
-        before = self._range
-        while largest > self._range:
-            self._range *= 2.0
-        while largest < 0.2 * self._range and self._range > smallest:
-            self._range *= 0.5
-        if new or self._range != before:
-            self._mesh.add_scalar_quantity(
-                _QUANTITY, self._values, enabled=True, vminmax=(0.0, self._range), cmap=cmap
-            )
-            self._coloured = self.colouring
-        else:
-            self._mesh.get_quantity_buffer(_QUANTITY, "values").update_data(self._values)
+        unit, factor, smallest, cmap = UNITS[self.colouring]
+        values = self._values * factor
+        largest = float(values.max(initial=0.0))
+        # A new range compiles a shader, which takes tens of milliseconds: only where it no longer fits.
+        fits = 0.3 * self._range < largest <= self._range or largest <= self._range <= smallest * factor
+        if self.colouring == self._coloured and fits:
+            self._mesh.get_quantity_buffer(self._coloured_as, "values").update_data(values)
+            return
+        self._range = _round_up(max(largest, smallest * factor))
+        if self._coloured is not None and self.colouring != self._coloured:
+            self._mesh.remove_all_quantities()
+        self._coloured, self._coloured_as = self.colouring, f"{self.colouring} ({unit})"
+        self._mesh.add_scalar_quantity(
+            self._coloured_as,
+            values,
+            enabled=True,
+            vminmax=(0.0, self._range),
+            cmap=cmap,
+            onscreen_colorbar_enabled=True,
+            onscreen_colorbar_location=_COLOUR_BAR,
+        )
 
     def _show_patch(self, nodes: NDArray[np.uint32]) -> None:
         if len(nodes) != len(self._patch_nodes):
@@ -174,6 +177,12 @@ class BodyView:
             self._cone.update_node_positions(tip_m + _turned(shape_m, contact.normal))
         else:
             self._cone.update_node_positions(self._cone_shape[0] * 1e-6 + _NOWHERE)
+
+
+def _round_up(value: float) -> float:
+    """To 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1.0 - 1e-9)))
 
 
 def _cone() -> tuple[Floats, NDArray[np.int64]]:

@@ -94,7 +94,7 @@ def _load_script(file: Path | None) -> Callable[[Any, float], object] | None:
         return None
     if not file.is_file():
         raise SceneError(f"{file}: no such file: must be a Python script with step(app, time_s)")
-    step = runpy.run_path(str(file)).get("step")
+    step: Callable[[Any, float], object] | None = runpy.run_path(str(file)).get("step")
     if not callable(step):
         raise SceneError(f"{file}: has no function step(app, time_s)")
     return step

@@ -148,9 +148,6 @@ class Controls:
                 app.view.colouring = colouring
             if colouring != "nothing" and colouring != "stress":
                 psim.SameLine()
-        if app.view.colouring != "nothing":
-            top, unit = app.view.range
-            psim.Text(f"colours: 0 to {top:g} {unit}")
         _, app.show_cone = psim.Checkbox("friction cone", app.show_cone)
 
     def _recording(self, app: "App") -> None:
