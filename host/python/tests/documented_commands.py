@@ -74,13 +74,12 @@ TESTED = {
     "./run simulate SCENE.toml": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "palpate simulate": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "./run gui": "hil_tests/test_gui.py::test_touch_and_look",
-    "palpate gui": "hil_tests/test_gui.py::test_touch_and_look",
     "./run gui [SCENE.toml]": "hil_tests/test_gui.py::test_touch_and_look",
     "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5": (
         "hil_tests/test_gui.py::test_controls_by_script"
     ),
-    "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png": "hil_tests/test_gui.py::test_touch_and_look",
     "xvfb-run -a ./run gui --script hil_tests/gui_scripts/touch.py --json": "hil_tests/test_gui.py::test_touch_and_look",
+    "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png": "hil_tests/test_gui.py::test_touch_and_look",
     "./run replay RECORD.h5 [--set KEY=VALUE]": "hil_tests/test_loop_replay.py::test_the_command_line",
     "palpate replay FILE": "hil_tests/test_loop_replay.py::test_the_command_line",
     "./run plot RECORD.h5": "host/python/tests/test_plot.py::test_the_command_line",
