@@ -11,7 +11,7 @@ from documented_commands import NOT_RUN, RUN, TESTED
 from palpate.cli_examples import EXAMPLES
 
 _COMMAND = re.compile(
-    r"\./run\b|palpate [a-z]|python |\.venv/bin/python |source <|pip install|ctest |build/host/|cmake |PYTHONPATH"
+    r"(?:xvfb-run -a )?\./run\b|palpate [a-z]|python |\.venv/bin/python |source <|pip install|ctest |build/host/|cmake |PYTHONPATH"
 )
 # In fences of these languages, and in indented blocks, each line is a command; elsewhere what stands in backticks.
 _SHELLS = ("", "sh", "bash", "text", "console")
