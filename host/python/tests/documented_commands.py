@@ -20,6 +20,18 @@ RUN = {
     "./run run scenes/press.toml --set contact.friction=0.5 --set model.builder=krylov": (
         f"run scenes/press.toml {_BRIEF} --set contact.friction=0.5 --set model.builder=krylov --out {{out}}"
     ),
+    "./run run scenes/frontier/reference.toml --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=4"
+    ' --set "model.middle_shifts_Hz=[20.0, 40.0, 300.0]" --set model.basis_latency_ticks=90 --set reference.enabled=true'
+    " --set reference.step_s=2.5e-5": (
+        "run scenes/frontier/reference.toml --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=4"
+        ' --set "model.middle_shifts_Hz=[20.0, 40.0, 300.0]" --set model.basis_latency_ticks=90 --set duration_s=0.3 --out {out}'
+    ),
+    "./run run scenes/frontier/reference.toml --board native --set model.builder=hybrid --set 'path.csv=\"poke_0.1mm.csv\"'"
+    " --set body.stiffness_N_m=10000 --set integrator.step_s=2e-5 --set reference.enabled=true --set reference.step_s=1e-5": (
+        "run scenes/frontier/reference.toml --board native --set model.builder=hybrid --set 'path.csv=\"poke_0.1mm.csv\"'"
+        " --set body.stiffness_N_m=10000 --set integrator.step_s=2e-5 --set duration_s=0.1 --set reference.enabled=true"
+        " --set reference.step_s=1e-5 --out {out}"
+    ),
     "./run run scenes/stick.toml --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=12": (
         f"run scenes/stick.toml {_BRIEF} --board mps2_an500 --set model.builder=hybrid --set model.near_nodes=12 --out {{out}}"
     ),
@@ -131,6 +143,9 @@ TESTED = {
     "python host/bench/contact_tick.py": "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured",
     "python host/bench/contact_tick.py --out contact_tick.json": (
         "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured"
+    ),
+    "PYTHONPATH=host/python python host/bench/contact_lead.py": (
+        "host/python/tests/test_contact_lead.py::test_a_steady_press_has_the_force_of_the_mean_of_the_tick"
     ),
     "python host/bench/board_cost.py": "hil_tests/test_board_cost.py::test_no_model_takes_more_than_predicted",
     "python host/bench/tick_cycles.py --situations 60": (
