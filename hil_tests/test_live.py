@@ -1,5 +1,7 @@
 """palpate.Live: the loop in real time from Python, without a window."""
 
+import os
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +12,7 @@ import pytest
 from palpate import record
 from palpate.hil import BoardError
 from palpate.live import COLUMNS, Live
+from palpate.record import RecordError
 from palpate.scene import SceneError, load_scene
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -17,6 +20,8 @@ SCENES = ROOT / "scenes"
 SMALL = {"body.nodes": [8, 8, 8], "body.origin_m": [-0.035, -0.035, -0.09], "contact.friction": 0.4}
 RENDER, FAULT = 3, 4
 DEADLINE_S = 100.0
+# Three looks of Live's thread at the tick; a busy machine may miss some.
+WATCHDOG_S = 4.0
 
 
 def wait(live: Live, done: Callable[[], bool]) -> None:
@@ -95,3 +100,81 @@ def test_what_cannot_be_touched_or_started_is_refused() -> None:
         Live(load_scene(SCENES / "demo.toml"), "no_such_board")
     with Live(load_scene(SCENES / "demo.toml", SMALL)) as live, pytest.raises(ValueError, match="grip is 2"):
         live.set_grip(2.0)
+
+
+def test_a_board_that_hangs_is_told() -> None:
+    with Live(load_scene(SCENES / "demo.toml", SMALL), watchdog_s=WATCHDOG_S) as live:
+        wait(live, lambda: live.status["tick"] > 100)
+        os.kill(live._board._process.pid, signal.SIGSTOP)
+        latest_s = time.monotonic() + DEADLINE_S
+        while live.poll():
+            assert time.monotonic() < latest_s, live.status
+            time.sleep(0.05)
+        assert live.problem is not None and "gave no tick for 4 s" in live.problem
+
+
+def test_nobody_polls_for_long(tmp_path: Path) -> None:
+    """The watchdog does not bite; the recording says how many ticks it lacks."""
+    file = tmp_path / "seldom.h5"
+    with Live(load_scene(SCENES / "demo.toml", SMALL), watchdog_s=WATCHDOG_S) as live:
+        wait(live, lambda: live.status["tick"] > 100)
+        live.record(file)
+        began = live.status["tick"]
+        latest_s = time.monotonic() + DEADLINE_S
+        # The loop keeps 4000 ticks for those who poll.
+        while live._loop.status["tick"] < began + 6000:
+            assert time.monotonic() < latest_s
+            time.sleep(0.5)
+        assert live.poll(), live.problem
+        live.stop_recording()
+        recorded = live.recorded_ticks
+    kept = record.load(file)
+    unseen = kept.attributes["ticks_unseen"]
+    assert unseen > 1500
+    first, last = kept.values["ticks/tick"][[0, -1]]
+    assert len(kept.values["ticks/tick"]) == recorded
+    assert last - first + 1 == recorded  # what was missed lies before the first: the loop keeps the newest
+    assert first >= began + unseen
+
+
+def test_the_energy_begins_anew_after_unseen_ticks() -> None:
+    live = Live(load_scene(SCENES / "demo.toml", SMALL))
+
+    def block(first_tick: int, tip_z_m: list[float]) -> dict[str, np.ndarray]:
+        rows = len(tip_z_m)
+        zeros = np.zeros(rows)
+        return {
+            "ticks/tick": np.arange(first_tick, first_tick + rows),
+            "ticks/force_N": np.tile([0.0, 0.0, -2.0], (rows, 1)),
+            "ticks/normal": np.tile([0.0, 0.0, 1.0], (rows, 1)),
+            "ticks/tip_m": np.column_stack([zeros, zeros, tip_z_m]),
+            "ticks/contact_mode": np.ones(rows, dtype=np.uint8),
+            "ticks/triangle": np.zeros(rows, dtype=np.uint32),
+            **{f"ticks/{name}": np.zeros((rows, 3)) for name in ("hand_force_N", "hand_target_m")},
+            **{
+                f"ticks/{name}": zeros
+                for name in ("tick_count", "busy_count", "model_age_ticks", "link_up_bytes", "link_down_bytes")
+            },
+            "wall/late_s": zeros,
+            "wall/took_s": zeros,
+        }
+
+    live._remember(block(0, [0.0, -0.001]))
+    live._remember(block(2, [-0.002]))
+    live._remember(block(100, [-0.012, -0.013]))
+    np.testing.assert_allclose(live.history["absorbed_J"], [0.0, 0.002, 0.004, 0.0, 0.002], atol=1e-12)
+
+
+def test_a_recording_that_fails_is_told_and_let_go(tmp_path: Path) -> None:
+    with Live(load_scene(SCENES / "demo.toml", SMALL)) as live:
+        wait(live, lambda: live.status["tick"] > 100)
+        live.record(tmp_path / "killed.h5")
+        assert live._recorder is not None
+        os.kill(live._recorder.process_id, signal.SIGKILL)
+        wait(live, lambda: live.recording_problem is not None)
+        with pytest.raises(RecordError, match=r"killed\.h5"):
+            live.stop_recording()
+        assert live.recording is None
+        live.record(tmp_path / "next.h5")
+        wait(live, lambda: live.recorded_ticks > 100)
+    assert record.load(tmp_path / "next.h5").closed

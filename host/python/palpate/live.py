@@ -9,6 +9,7 @@
 The loop runs in a thread of the core; nothing here makes it wait. All positions are in the device frame.
 """
 
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core, record_layout
 from palpate.body import vector3
-from palpate.hil import BOARDS, Board, BoardError
+from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
 from palpate.history import History
 from palpate.paths import cache_folder
 from palpate.recorder import Recorder
@@ -33,6 +34,7 @@ TICK_S = 1e-3
 HISTORY_S = 10.0
 # Of the hand above the middle of the body's top where a scene has no path.
 _START_ABOVE_M = 0.015
+_SIGN_S = 1.0  # between two looks at the tick, for the watchdog
 COLUMNS = (
     "time_s", "force_normal_N", "force_tangential_N", "cone_N", "contact_mode", "tip_x_m", "tip_y_m", "tip_z_m",
     "hand_N", "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "absorbed_J", "late_s",
@@ -70,11 +72,19 @@ class Live:
     """A running loop. Use as a context manager. One thread calls.
 
     board: a name in `hil.BOARDS`. path: that play_path() follows, in place of the scene's. Without any the hand begins
-    above the middle of the body. Raises SceneError for scenes that have no tip to touch with, BoardError where the board
-    cannot be started.
+    above the middle of the body. watchdog_s: a board that gives no tick for so long is ended, unless the loop is paused.
+    Raises SceneError for scenes that have no tip to touch with, BoardError where the board cannot be started.
+
+    problem: why the loop has ended by itself, on one line; None: it has not.
     """
 
-    def __init__(self, scene: Scene, board: str = "native", path: TipPath | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        board: str = "native",
+        path: TipPath | None = None,
+        watchdog_s: float = WATCHDOG_S,
+    ) -> None:
         if board not in BOARDS:
             raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
         self.scene = scene = scene.with_board(board)
@@ -85,15 +95,22 @@ class Live:
         self.history = History(COLUMNS, round(HISTORY_S / TICK_S))
         self.recording: Path | None = None
         self.recorded_ticks = 0
+        self.problem: str | None = None
         self._dict = _for_a_person(scene, path)
         self.triangle_friction: Floats = _core.triangle_friction(self._dict)
         self._board_type = BOARDS[board]
+        self._watchdog_s = watchdog_s
         self._recorder: Recorder | None = None
+        self._unseen_before = 0
         self._absorbed_J = 0.0
+        self._last_tick = -1
         self._last_tip_m: Floats | None = None
+        self._speed = 1.0
+        self._wound_tick = 0
+        self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        self._board = Board(self._board_type)
+        self._board = Board(self._board_type, self._watchdog_s)
         self._board.__enter__()
         try:
             self._loop = _core.LiveLoop(
@@ -105,7 +122,10 @@ class Live:
         except BaseException as error:
             self._board.__exit__(type(error), error, None)
             raise
+        self._board.sign_of_life(0)  # the body's basis may have taken long
         self._loop.start()
+        self._winder = threading.Thread(target=self._wind_on, name="live watchdog", daemon=True)
+        self._winder.start()
         self.poll()
         return self
 
@@ -117,6 +137,8 @@ class Live:
             self.poll()
             self.stop_recording()
         finally:
+            self._ended.set()
+            self._winder.join()
             # A loop that has failed has not told its board to end.
             failed = BoardError(self.status["error"]) if self.status.get("error") else error
             self._board.__exit__(type(failed) if failed else None, failed, trace)
@@ -168,6 +190,7 @@ class Live:
     def set_speed(self, speed: float) -> None:
         """Virtual over wall-clock time, at most 10; 0 pauses."""
         self._loop.set_speed(speed)
+        self._speed = speed
 
     # Results
 
@@ -175,23 +198,23 @@ class Live:
         """Takes over what has happened since the call before. False when the loop has ended, with `problem` set."""
         self.status = self._loop.status
         block = self._loop.take()
-        self._board.sign_of_life(self.status["tick"])
+        self._wind(self.status["tick"])
         if len(block["ticks/tick"]):
             self._remember(block)
-            if self._recorder is not None:
-                rows = {path: array for path, array in block.items() if not path.startswith("wall/")}
-                if self._recorder.append(rows):
-                    self.recorded_ticks += len(block["ticks/tick"])
+        if self._recorder is not None and any(len(array) for array in block.values()):
+            rows = {path: array for path, array in block.items() if not path.startswith("wall/")}
+            if self._recorder.append(rows):
+                self.recorded_ticks += len(block["ticks/tick"])
+        if self.status["error"] and self.problem is None:
+            self.problem = self._board.failure() or str(self.status["error"])
         if (shown := self._loop.take_picture()) is not None:
             self.picture = Picture(**shown)
         return bool(self.status["running"])
 
     @property
-    def problem(self) -> str | None:
-        """Why the loop has ended by itself, on one line; None: it has not."""
-        if not self.status.get("error"):
-            return None
-        return self._board.failure() or str(self.status["error"])
+    def recording_problem(self) -> str | None:
+        """Why the recording that is open takes no more rows; None: all is well."""
+        return None if self._recorder is None else self._recorder.problem
 
     def record(self, file: Path) -> None:
         """Begins to record into `file` (docs/records.md). OSError where it cannot be made."""
@@ -199,12 +222,25 @@ class Live:
         attributes = {"command": "gui", "board": self.board_name}
         self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self.scene.text)
         self.recording, self.recorded_ticks = file, 0
+        self._unseen_before = self.status["ticks_unseen"]
 
     def stop_recording(self) -> None:
-        """Closes the file; does nothing where none is open."""
-        if self._recorder is not None:
-            self._recorder.close()
-            self._recorder, self.recording = None, None
+        """Closes the file; does nothing where none is open. Its attribute `ticks_unseen`: ticks that are missing because
+        nobody polled for seconds. Raises RecordError where the file could not be written; it is no longer open then."""
+        recorder, self._recorder, self.recording = self._recorder, None, None
+        if recorder is not None:
+            recorder.close({"ticks_unseen": self.status["ticks_unseen"] - self._unseen_before})
+
+    def _wind(self, tick: int) -> None:
+        """A tick that does not move is no sign of life, but when the loop is paused."""
+        if tick != self._wound_tick or self._speed == 0.0:
+            self._wound_tick = tick
+            self._board.sign_of_life(tick)
+
+    def _wind_on(self) -> None:
+        """The thread: for those who poll seldom."""
+        while not self._ended.wait(_SIGN_S):
+            self._wind(self._loop.status["tick"])
 
     def _remember(self, block: Mapping[str, NDArray[Any]]) -> None:
         force_N = block["ticks/force_N"].astype(np.float64)
@@ -216,8 +252,11 @@ class Live:
         # The triangle of a free tick has no meaning.
         triangle = np.where(mode == 0, 0, block["ticks/triangle"]).astype(np.intp)
         friction = self.triangle_friction[triangle, 0]
-        before = np.vstack([tip_m[:1] if self._last_tip_m is None else self._last_tip_m[None], tip_m[:-1]])
-        self._last_tip_m = tip_m[-1]
+        if self._last_tip_m is None or block["ticks/tick"][0] != self._last_tick + 1:
+            # The first, or ticks before it went unseen: the work of the jump is not known.
+            self._last_tip_m, self._absorbed_J = tip_m[0], 0.0
+        before = np.vstack([self._last_tip_m[None], tip_m[:-1]])
+        self._last_tick, self._last_tip_m = int(block["ticks/tick"][-1]), tip_m[-1]
         absorbed_J = self._absorbed_J + np.cumsum(np.einsum("ij,ij->i", force_N, tip_m - before))
         self._absorbed_J = float(absorbed_J[-1])
         self.history.append({
