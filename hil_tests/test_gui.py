@@ -62,8 +62,15 @@ def test_touch_and_look(tmp_path: Path) -> None:
 def test_controls_by_script(tmp_path: Path) -> None:
     done = gui("scenes/demo.toml", "--script", SCRIPTS / "controls.py", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    assert len(list(tmp_path.glob("recording_*.h5"))) == 1
+    assert len(list(tmp_path.glob("recording_*.h5"))) == 3
     assert json.loads(done.stdout)["board"] == "mps2_an386"
+
+
+@pytest.mark.timeout(200)
+def test_a_step_is_a_frame(tmp_path: Path) -> None:
+    done = gui("scenes/demo.toml", "--size", "800x500", "--script", SCRIPTS / "frames.py", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["frames"] == 12
 
 
 @pytest.mark.timeout(200)
@@ -83,12 +90,17 @@ def test_without_a_display_it_says_what_to_do() -> None:
     [
         (("--size", "10x10"), "--size"),
         (("--script", "no_such_file.py"), "no_such_file.py"),
+        (("--script", "README.md"), "README.md:"),
+        (("--duration", "nan"), "--duration"),
+        (("--duration", "0"), "--duration"),
+        (("--screenshot", "picture.jpg"), "--screenshot"),
         (("no_such_scene.toml",), "no_such_scene.toml"),
         (("scenes/wave2d.toml",), "body.dimension"),
         (("--set", "contact.friction=-1"), "contact.friction"),
     ],
 )
 def test_bad_input_ends_with_one_line(arguments: tuple[str, ...], word: str) -> None:
-    done = gui(*arguments, "--duration", 1)
+    """Also where no window could be opened."""
+    done = gui(*arguments, screen=False)
     assert done.returncode == 2, done.stderr
-    assert word in done.stderr and "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1 and word in done.stderr and "Traceback" not in done.stderr

@@ -42,7 +42,24 @@ def stages(app):
     app.apply()
     assert "contact.friction" in app.message, app.message
     assert app.live.status["running"] and app.live.scene.sections.contact.friction == 0.25
+    assert app.pending
     app.pending.clear()
+
+    # So it does where the core refuses, after the board has started.
+    yield from wait_for_mode(app, IDLE)
+    live = app.live
+    app.set("stiffness_N_m", 1000.0)
+    app.apply()
+    assert "step_s" in app.message and app.pending == {"stiffness_N_m": 1000.0}, app.message
+    yield from wait_ticks(app, 20)
+    assert app.live is live and live.status["running"] and live.status["board_mode"] == IDLE
+    app.pending.clear()
+
+    # What a control may not do is told, and the window goes on.
+    app.later(lambda: app.live.set_grip(2.0))
+    yield
+    yield
+    assert "grip is 2" in app.message
 
     # Touching with the hand; a recording.
     yield from wait_for_mode(app, IDLE)
@@ -56,16 +73,37 @@ def stages(app):
     yield from wait_ticks(app, 300)
     app.guide_hand(np.array([5.0, 0.0, 0.0]))
     assert "reach" in app.message
-    app.stop_recording()
+    # A restart closes the recording; an open emergency stop stays open, and a replay does not arm then.
+    app.set_emergency_stop(True)
+    app.set("friction", 0.3)
+    app.apply()
+    assert app.emergency_stop and app.live.scene.sections.contact.friction == 0.3
+    assert app.last_recording is not None
+    yield from wait_for_mode(app, FAULT)
+    app.replay_last()
+    # With the values of then.
+    assert "not armed" in app.message and app.live.scene.sections.contact.friction == 0.25
+    yield from wait_for_mode(app, FAULT)
+    app.set_emergency_stop(False)
+    yield from wait_ticks(app, 50)
+    app.live.command("clear_fault")
+    yield from wait_for_mode(app, IDLE)
     values = record.load(app.last_recording).values
     assert len(values["ticks/tick"]) >= 300 and np.any(values["ticks/contact_mode"] > 0)
 
-    # Every colouring draws.
+    # Every colouring draws, in a loop that is paused as well.
+    app.view.colouring = "nothing"
+    app.live.set_speed(0.0)
+    yield
+    yield
     for colouring in COLOURINGS:
         app.view.colouring = colouring
-        yield from wait_ticks(app, 100)
-        if colouring != "nothing":
-            assert app.view.range[0] > 0.0
+        assert app.view.range == (0.0, "")
+        yield
+        yield
+        assert (app.view.range[0] > 0.0) == (colouring != "nothing")
+
+    app.live.set_speed(1.0)
 
     # Faults of the link are counted; the chain of the emergency stop latches.
     app.live.add_faults("up", "drop", 30)
@@ -84,6 +122,17 @@ def stages(app):
     while app.live.history["tip_z_m"].min(initial=1.0) > deepest_m + 0.002:
         yield
     assert app.live.status["board_mode"] == RENDER
+
+    # A second recording within the second gets a name of its own; one without ticks cannot be replayed.
+    app.record()
+    app.stop_recording()
+    kept = app.last_recording
+    app.record()
+    app.stop_recording()
+    assert app.last_recording != kept and kept.is_file()
+    live = app.live
+    app.replay_last()
+    assert "2 or more" in app.message and app.live is live, app.message
 
     # Another scene, and the board in QEMU.
     app.open(SCENES / "press.toml")

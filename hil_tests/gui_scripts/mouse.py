@@ -10,6 +10,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from stages import run  # noqa: E402
 
 RENDER, FAULT = 3, 4
+AWAY_m = np.array([0.01, 0.01, 0.004])
 
 
 def xdotool(*words):
@@ -22,12 +23,19 @@ def stages(app):
     app.live.arm()
     while app.live.status["board_mode"] != RENDER:
         yield
+    # A script, or a path, has moved the hand before.
+    app.live.guide_hand(AWAY_m)
+    while np.linalg.norm(app.live.contact.hand_m - AWAY_m) > 2e-4:
+        yield
     xdotool("mousemove", 600, 300)
     yield
     xdotool("key", "h")
     while not app.hand.enabled:
         yield
     before_m = app.hand.target_m.copy()
+    # From where the hand is, not from where the window believed it to be.
+    assert np.linalg.norm(before_m - app.live.contact.hand_m) < 1e-4, (before_m, app.live.contact.hand_m)
+    assert np.linalg.norm(before_m - AWAY_m) < 1e-3, before_m
     for x in range(604, 644, 4):  # to the right: +x, for the camera looks along +y
         xdotool("mousemove", x, 300)
         yield
@@ -45,6 +53,11 @@ def stages(app):
         yield
     xdotool("key", "space")
     while app.live.status["board_mode"] != FAULT:
+        yield
+    assert app.emergency_stop
+    # Twice is not back.
+    xdotool("key", "space")
+    for _ in range(5):
         yield
     assert app.emergency_stop
 

@@ -18,7 +18,7 @@ from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
 from palpate.model_choice import measured_in
 from palpate.paths import ROOT, SCENES, SOURCE
-from palpate.record import BadRecord, read_record
+from palpate.record import BadRecord, RecordError, read_record
 from palpate.record_layout import RUN
 from palpate.scene import Scene, SceneError, load_scene
 from palpate.scene_overrides import parse_override
@@ -559,7 +559,7 @@ def main(argv: Sequence[str]) -> int:
     except (SceneError, BadRecord) as error:
         _complain(arguments, str(error))
         return BAD_INPUT
-    except (BoardError, RuntimeError, OSError, ImportError) as error:
+    except (BoardError, RecordError, RuntimeError, OSError, ImportError) as error:
         _complain(arguments, f"palpate {arguments.command}: {error}")
         return FAILED
     except KeyboardInterrupt:

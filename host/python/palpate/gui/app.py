@@ -1,7 +1,9 @@
 """The window: what it shows, and what its controls do. Drawing never makes the loop wait (host/session/live_loop.hpp)."""
 
+import sys
 import time
 from collections import deque
+from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import datetime
 from pathlib import Path
@@ -22,11 +24,11 @@ from palpate.gui.settings import Settings, shown
 from palpate.hil import BoardError
 from palpate.live import Live
 from palpate.record import RecordError
-from palpate.scene import SceneError
 from palpate.tip_path import TipPath
 
 _CONTROLS_WIDTH, _PLOTS_WIDTH = 290.0, 380.0
 _FRAMES = 60  # that a rate is taken from
+_MOST_FRAMES_S = 60
 _WINDOW = "palpate"
 
 
@@ -44,27 +46,46 @@ class App:
         self.emergency_stop = False
         self.unplugged = False
         self.last_recording: Path | None = None
+        self.frames = 0  # drawn so far
         self.hand = MouseHand()
         self.controls = Controls()
         self.plots = PlotPanel()
         self._out = out
         self._size = size
         self._stack = ExitStack()
-        self._frame_s: deque[float] = deque(maxlen=_FRAMES)
+        self._wanted: list[Callable[[], object]] = []
+        self._recorded_with = settings
+        self._drawn_at_s: deque[float] = deque(maxlen=_FRAMES)
         self._tick_at: deque[tuple[float, int]] = deque(maxlen=_FRAMES)
         self._shown_tick: int | None = None
 
     def __enter__(self) -> "App":
-        live, body = self._make(self.settings, None)
-        _open_window(self._size)
-        self._begin(live, body)
+        try:
+            live, body = self._start(self._stack, self.settings, None)
+            _open_window(self._size)
+            self._show(live, body)
+        except BaseException:
+            self._stack.close()
+            raise
+        ps.set_user_callback(self._draw)
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-        ps.clear_user_callback()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Raises RecordError where a recording that was open could not be written."""
+        try:
+            self._stack.close()
+        except RecordError as error:
+            if kind is None:
+                raise
+            print(error, file=sys.stderr)
+        finally:
+            ps.clear_user_callback()
 
     # What controls and scripts do
+
+    def later(self, action: Callable[[], object]) -> None:
+        """For controls: at the end of the frame. A ValueError is shown as the message."""
+        self._wanted.append(action)
 
     def open(self, file: Path) -> None:
         """Another scene, with its own values."""
@@ -97,6 +118,16 @@ class App:
         self.unplugged = unplugged
         self.live.set_unplugged(unplugged)
 
+    def use_mouse(self, enabled: bool) -> None:
+        """The mouse as the hand, from where the hand is; not before there is a tick that says where."""
+        if enabled and self.live.contact is None:
+            self.message = "Where the hand is, is not known yet."
+            return
+        if enabled and self.live.contact is not None:
+            self.hand.begin(self.live.contact.hand_m)
+            self.guide_hand(self.hand.target_m)  # a path that is being played ends here
+        self.hand.enable(enabled)
+
     def guide_hand(self, target_m: NDArray[np.float64]) -> None:
         """Where the hand shall go, in the device frame."""
         if self.live.guide_hand(target_m):
@@ -107,12 +138,16 @@ class App:
 
     def play_path(self) -> None:
         """The scene's, or the recorded one after `replay_last`; the mouse is no longer the hand."""
-        self.hand.enable(False)
+        self.use_mouse(False)
         self.live.play_path()
 
     def record(self) -> None:
         """Into a new file in the folder for results."""
-        file = self._out / f"recording_{datetime.now():%Y%m%d_%H%M%S}.h5"
+        name = f"recording_{datetime.now():%Y%m%d_%H%M%S}"
+        file, number = self._out / f"{name}.h5", 1
+        while file.exists():
+            number += 1
+            file = self._out / f"{name}_{number}.h5"
         try:
             self._out.mkdir(parents=True, exist_ok=True)
             self.live.record(file)
@@ -120,33 +155,47 @@ class App:
             self.message = f"{file}: {error.strerror}"
 
     def stop_recording(self) -> None:
-        """Closes the file."""
+        """Closes the file, if one is open."""
         file = self.live.recording
         try:
             self.live.stop_recording()
-            self.last_recording = file
         except RecordError as error:
             self.message = str(error)
+            return
+        if file is not None:
+            self.last_recording, self._recorded_with = file, self.settings
 
     def replay_last(self) -> None:
-        """A new start whose hand goes where it meant to be in the last recording."""
-        assert self.last_recording is not None
+        """A new start with the settings of the last recording, a body at rest, and a hand that goes where it meant to be
+        then. Arms the board, but with an open emergency stop."""
+        if self.last_recording is None:
+            self.message = "Nothing has been recorded yet."
+            return
         try:
             values = record.load(self.last_recording).values
         except RecordError as error:
             self.message = str(error)
             return
-        time_s = (values["ticks/tick"] - values["ticks/tick"][0]) * 1e-3
-        self._restart(self.settings, TipPath(time_s, values["ticks/hand_target_m"], "linear"))
-        self.live.arm()
+        tick = values["ticks/tick"]
+        if len(tick) < 2:
+            self.message = f"{self.last_recording}: has {len(tick)} ticks: must have 2 or more to be replayed"
+            return
+        time_s = (tick - tick[0]) * 1e-3
+        path = TipPath(time_s, values["ticks/hand_target_m"], "linear")
+        if not self._restart(self._recorded_with, path):
+            return
         self.play_path()
+        if self.emergency_stop:
+            self.message = "The emergency stop is open: not armed."
+        else:
+            self.live.arm()
 
     # What there is to see
 
     @property
     def frames_per_s(self) -> float:
         """Median of the last frames."""
-        return 1.0 / float(np.median(self._frame_s)) if self._frame_s else 0.0
+        return 1.0 / float(np.median(np.diff(self._drawn_at_s))) if len(self._drawn_at_s) > 1 else 0.0
 
     @property
     def real_time(self) -> float:
@@ -163,9 +212,7 @@ class App:
 
     def frame(self) -> bool:
         """Draws once. False when the window wants to close."""
-        began_s = time.monotonic()
         ps.frame_tick()
-        self._frame_s.append(time.monotonic() - began_s)
         return not ps.window_requests_close()
 
     def screenshot(self) -> NDArray[np.uint8]:
@@ -174,57 +221,56 @@ class App:
 
     # Inside
 
-    def _make(self, settings: Settings, path: TipPath | None) -> tuple[Live, Body]:
+    def _start(self, stack: ExitStack, settings: Settings, path: TipPath | None) -> tuple[Live, Body]:
         scene = settings.scene()
-        return Live(scene, settings.board, path), Body(scene)
+        body = Body(scene)
+        return stack.enter_context(Live(scene, settings.board, path)), body
 
-    def _begin(self, live: Live, body: Body) -> None:
-        self.live = self._stack.enter_context(live)
+    def _show(self, live: Live, body: Body) -> None:
+        self.live = live
         self.shown = shown(live.scene)
         sections = live.scene.sections
         self.view = BodyView(body, sections.body.spacing_m, sections.tool.radius_m)
         self._shown_tick = None
         self._tick_at.clear()
-        self.controls.restarted()
-        self.emergency_stop = self.unplugged = False
-        if live.contact is not None:
-            self.hand.begin(live.contact.hand_m)
-        ps.set_user_callback(self._draw)
+        self.controls.restarted(sections.hand.grip)
+        self.unplugged = False
+        self.use_mouse(False)
 
-    def _restart(self, settings: Settings, path: TipPath | None = None) -> None:
-        """Keeps the loop that runs where the new one cannot be made."""
+    def _restart(self, settings: Settings, path: TipPath | None = None) -> bool:
+        """The loop that runs goes on, and nothing else changes, where the new one cannot be made: False then."""
+        stack = ExitStack()
         try:
-            live, body = self._make(settings, path)
-        except SceneError as error:
+            live, body = self._start(stack, settings, path)
+        except (BoardError, OSError, ValueError) as error:
             self.message = str(error)
-            return
-        before = self.settings
-        self._stack.close()
-        self._stack = ExitStack()
+            return False
+        if self.emergency_stop:
+            live.set_emergency_stop(True)
+        self.message = ""
+        self.stop_recording()
+        before, self._stack = self._stack, stack
+        before.close()
         colouring = self.view.colouring
-        try:
-            self._begin(live, body)
-            self.settings, self.message = settings, ""
-        except (SceneError, BoardError) as error:
-            self._begin(*self._make(before, None))
-            self.message = str(error)
-        self.pending.clear()
+        self._show(live, body)
         self.view.colouring = colouring
+        self.settings = settings
+        self.pending.clear()
+        return True
 
     def _draw(self) -> None:
         """Called by the window once a frame."""
+        self.frames += 1
+        self._drawn_at_s.append(time.monotonic())
         live = self.live
         if not live.poll() and live.problem:
             self.message = f"The loop has ended: {live.problem}. Choose a scene to start again."
         self._tick_at.append((time.monotonic(), live.status["tick"]))
-        if not psim.GetIO().WantTextInput:
-            if psim.IsKeyPressed(psim.ImGuiKey_Space, False):
-                self.set_emergency_stop(True)
-            if psim.IsKeyPressed(psim.ImGuiKey_H, False):
-                self.hand.enable(not self.hand.enabled)
+        if not psim.GetIO().WantTextInput and psim.IsKeyPressed(psim.ImGuiKey_H, False):
+            self.use_mouse(not self.hand.enabled)
         if (target_m := self.hand.moved()) is not None:
             self.guide_hand(target_m)
-        if live.picture is not None and live.picture.tick != self._shown_tick:
+        if live.picture is not None and (live.picture.tick != self._shown_tick or self.view.recolour):
             self._shown_tick = live.picture.tick
             self.view.show(live.picture)
         if live.contact is not None:
@@ -241,6 +287,15 @@ class App:
         psim.Begin("live", flags)
         self.plots.draw(live.history)
         psim.End()
+        wanted, self._wanted = self._wanted, []
+        for action in wanted:
+            try:
+                action()
+            except ValueError as error:
+                self.message = str(error)
+        # Last, and whatever has the keyboard: nothing else of this frame can close the chain again.
+        if psim.IsKeyPressed(psim.ImGuiKey_Space, False):
+            self.set_emergency_stop(True)
 
 
 def _open_window(size: tuple[int, int]) -> None:
@@ -258,6 +313,7 @@ def _open_window(size: tuple[int, int]) -> None:
     ps.set_up_dir("z_up")
     ps.set_front_dir("neg_y_front")
     ps.set_SSAA_factor(1)
-    ps.set_max_fps(60)
+    ps.set_max_fps(_MOST_FRAMES_S)
+    ps.set_frame_tick_limit_fps_mode("block_to_hit_target")  # else it returns at once, without a frame
     ps.set_enable_render_error_checks(False)
     ps.init()

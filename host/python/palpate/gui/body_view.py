@@ -87,8 +87,15 @@ class BodyView:
 
     @property
     def range(self) -> tuple[float, str]:
-        """Top of the colour scale, and its unit."""
+        """Top of the colour scale, and its unit; 0 and none before anything is coloured like that."""
+        if self.colouring == "nothing" or self.recolour:
+            return 0.0, ""
         return self._range, UNITS[self.colouring][0]
+
+    @property
+    def recolour(self) -> bool:
+        """The colouring has changed since `show`."""
+        return self.colouring != self._coloured
 
     def show(self, picture: Picture) -> None:
         """The body of a picture."""

@@ -1,5 +1,6 @@
 """`palpate gui`: opens the window, runs a script in it if there is one, and says at the end how it went."""
 
+import math
 import os
 import re
 import runpy
@@ -10,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.image
-import numpy as np
 
 from palpate.doctor import check_display
 from palpate.gui.settings import Settings
+from palpate.live import Live
 from palpate.scene import SceneError
 
 
@@ -44,16 +45,19 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def run_window(options: Options) -> dict[str, Any]:
-    """Returns what `--json` prints (docs/gui.md). Raises SceneError, BoardError, GuiError, OSError for files."""
+    """Returns what `--json` prints (docs/gui.md). Raises SceneError, BoardError, GuiError, RecordError, OSError for files.
+
+    What is wrong in the options is told before what is wrong with the display.
+    """
+    _check(options)
+    step = _load_script(options.script)
     display = check_display(dict(os.environ))
     if not display.ok:
         raise GuiError(f"no window can be opened: {display.found}; start it on a desktop, or under xvfb-run")
-    step = _load_script(options.script)
     try:
         from palpate.gui.app import App
     except ImportError as error:
         raise GuiError(f"the window needs the Python package polyscope ({error})") from None
-    frames_s = []
     with App(options.settings, options.out, options.size) as app:
         began_s = time.monotonic()
         while True:
@@ -64,7 +68,7 @@ def run_window(options: Options) -> dict[str, Any]:
                 break
             if not app.frame():
                 break
-            frames_s.append(time.monotonic() - now_s)
+        frames, frames_per_s = app.frames, app.frames_per_s
         if options.screenshot is not None:
             options.screenshot.parent.mkdir(parents=True, exist_ok=True)
             matplotlib.image.imsave(options.screenshot, app.screenshot())
@@ -76,8 +80,8 @@ def run_window(options: Options) -> dict[str, Any]:
     return {
         "board": settings.board,
         "scene": str(settings.file),
-        "frames": len(frames_s),
-        "frames_per_s_median": 1.0 / float(np.median(frames_s)) if frames_s else 0.0,
+        "frames": frames,
+        "frames_per_s_median": frames_per_s,
         "elapsed_s": elapsed_s,
         "ticks": status["tick"],
         "slipped_s": status["slipped_s"],
@@ -89,12 +93,24 @@ def run_window(options: Options) -> dict[str, Any]:
     }
 
 
+def _check(options: Options) -> None:
+    duration_s = options.duration_s
+    if duration_s is not None and not (math.isfinite(duration_s) and duration_s > 0.0):
+        raise SceneError(f"--duration = {duration_s:g}: must be greater than 0 s, and finite")
+    if options.screenshot is not None and options.screenshot.suffix != ".png":
+        raise SceneError(f"--screenshot = {options.screenshot}: must end in .png")
+    Live(options.settings.scene(), options.settings.board)  # can it be touched?
+
+
 def _load_script(file: Path | None) -> Callable[[Any, float], object] | None:
     if file is None:
         return None
     if not file.is_file():
         raise SceneError(f"{file}: no such file: must be a Python script with step(app, time_s)")
-    step: Callable[[Any, float], object] | None = runpy.run_path(str(file)).get("step")
+    try:
+        step: Callable[[Any, float], object] | None = runpy.run_path(str(file)).get("step")
+    except SyntaxError as error:
+        raise SceneError(f"{error.filename}:{error.lineno}: {error.msg}") from None
     if not callable(step):
         raise SceneError(f"{file}: has no function step(app, time_s)")
     return step

@@ -1,6 +1,7 @@
 """The panel of controls: scene, material, rates, board, faults, recording, view."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import polyscope.imgui as psim
@@ -29,6 +30,9 @@ _DULL = (0.70, 0.70, 0.70, 1.0)
 _WARNING = (1.0, 0.70, 0.30, 1.0)
 _FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
 _WIDTH = 140.0
+_MOST_DELAY_ms = 400
+# Also for values that are typed in.
+_CLAMP = psim.ImGuiSliderFlags_AlwaysClamp
 
 
 def fault_names(bits: int) -> list[str]:
@@ -40,7 +44,7 @@ class Controls:
     """Draws the panel and calls the app; keeps only what is not the app's."""
 
     def __init__(self) -> None:
-        self._scenes = sorted(SCENES.glob("*.toml"))
+        self._scenes = sorted(file.resolve() for file in SCENES.glob("*.toml"))
         self._fault_kind = 0
         self._fault_count = 10
         self._direction = 0
@@ -66,9 +70,9 @@ class Controls:
             self._numbers(app)
         psim.PopItemWidth()
 
-    def restarted(self) -> None:
-        """A new loop has the grip and speed of its scene."""
-        self._grip, self._delay_ms, self._speed = 1.0, None, 1.0
+    def restarted(self, grip: float) -> None:
+        """A new loop has the grip and delay of its scene."""
+        self._grip, self._delay_ms, self._speed = grip, None, 1.0
 
     def _safety(self, app: "App") -> None:
         live = app.live
@@ -80,27 +84,28 @@ class Controls:
         psim.PushStyleColor(psim.ImGuiCol_Text, (1.0, 1.0, 1.0, 1.0))
         label = "release e-stop" if app.emergency_stop else "E-STOP (space)"
         if psim.Button(label, (-1.0, 34.0)):
-            app.set_emergency_stop(not app.emergency_stop)
+            app.later(partial(app.set_emergency_stop, not app.emergency_stop))
         psim.PopStyleColor(2)
-        _button("arm", mode == "idle", live.arm)
+        _button(app, "arm", mode == "idle", live.arm)
         psim.SameLine()
-        _button("disarm", mode == "render", lambda: live.command("disarm"))
+        _button(app, "disarm", mode == "render", lambda: live.command("disarm"))
         psim.SameLine()
-        _button("clear fault", mode == "fault" and not app.emergency_stop, lambda: live.command("clear_fault"))
+        _button(app, "clear fault", mode == "fault" and not app.emergency_stop, lambda: live.command("clear_fault"))
         psim.SameLine()
-        _button("calibrate", mode == "idle", lambda: live.command("calibrate"))
+        _button(app, "calibrate", mode == "idle", lambda: live.command("calibrate"))
         psim.SetItemTooltip("the arm rests in its reference pose for 0.1 s (docs/safety.md)")
 
     def _scene(self, app: "App") -> None:
         settings, shown = app.settings, app.shown
-        files = [*self._scenes] if settings.file in self._scenes else [settings.file, *self._scenes]
-        changed, index = psim.Combo("scene", files.index(settings.file), [file.stem for file in files])
+        file = settings.file.resolve()
+        files = self._scenes if file in self._scenes else [file, *self._scenes]
+        changed, index = psim.Combo("scene", files.index(file), [file.stem for file in files])
         if changed:
-            app.open(files[index])
+            app.later(partial(app.open, files[index]))
         boards = list(BOARDS)
         changed, index = psim.Combo("board", boards.index(settings.board), boards)
         if changed:
-            app.choose_board(boards[index])
+            app.later(partial(app.choose_board, boards[index]))
         logarithmic = psim.ImGuiSliderFlags_Logarithmic
         for name, label, low, high, text, flags in (
             ("stiffness_N_m", "spring", 1.0, 1e4, "%.0f N/m", logarithmic),
@@ -109,7 +114,7 @@ class Controls:
             ("update_Hz", "updates", 10.0, 120.0, "%.0f Hz", 0),
         ):
             value = float(app.pending.get(name, shown[name]))
-            changed, value = psim.SliderFloat(label, value, low, high, text, flags)
+            changed, value = psim.SliderFloat(label, value, low, high, text, flags | _CLAMP)
             if changed:
                 app.pending[name] = value
         changed, index = psim.Combo("builder", BUILDERS.index(app.pending.get("builder", shown["builder"])), BUILDERS)
@@ -120,27 +125,27 @@ class Controls:
         changed, index = psim.Combo("link", bauds.index(baud), [f"{b / 1e6:g} Mbaud" for b in bauds])
         if changed:
             app.pending["baud"] = bauds[index]
-        _button("apply and restart", bool(app.pending), app.apply)
+        _button(app, "apply and restart", bool(app.pending), app.apply)
         psim.SameLine()
-        _button("scene's own", bool(settings.overrides or app.pending), lambda: app.open(settings.file))
+        _button(app, "scene's own", bool(settings.overrides or app.pending), lambda: app.open(settings.file))
         delay_ms = app.host_delay_ms if self._delay_ms is None else self._delay_ms
-        changed, delay_ms = psim.SliderInt("host delay", delay_ms, 0, 200, "%d ms")
+        changed, delay_ms = psim.SliderInt("host delay", delay_ms, 0, _MOST_DELAY_ms, "%d ms", _CLAMP)
         if changed:
             self._delay_ms = delay_ms
-            app.live.set_host_delay(delay_ms)
-        changed, self._speed = psim.SliderFloat("speed", self._speed, 0.0, 2.0, "%.2f of real time")
+            app.later(partial(app.live.set_host_delay, delay_ms))
+        changed, self._speed = psim.SliderFloat("speed", self._speed, 0.0, 2.0, "%.2f of real time", _CLAMP)
         if changed:
-            app.live.set_speed(self._speed)
+            app.later(partial(app.live.set_speed, self._speed))
 
     def _hand(self, app: "App") -> None:
         changed, enabled = psim.Checkbox("mouse is the hand (H)", app.hand.enabled)
         if changed:
-            app.hand.enable(enabled)
+            app.later(partial(app.use_mouse, enabled))
         psim.TextColored(_DULL, "move: level; wheel or left\nbutton: up and down")
-        _button("play the scene's path", True, app.play_path)
-        changed, self._grip = psim.SliderFloat("grip", self._grip, 0.0, 1.0, "%.2f")
+        _button(app, "play the scene's path", True, app.play_path)
+        changed, self._grip = psim.SliderFloat("grip", self._grip, 0.0, 1.0, "%.2f", _CLAMP)
         if changed:
-            app.live.set_grip(self._grip)
+            app.later(partial(app.live.set_grip, self._grip))
 
     def _view(self, app: "App") -> None:
         for colouring in COLOURINGS:
@@ -153,34 +158,36 @@ class Controls:
     def _recording(self, app: "App") -> None:
         live = app.live
         if live.recording is None:
-            _button("record", True, app.record)
+            _button(app, "record", True, app.record)
             psim.SameLine()
-            _button("replay the last", app.last_recording is not None, app.replay_last)
+            _button(app, "replay the last", app.last_recording is not None, app.replay_last)
         else:
-            _button("stop", True, app.stop_recording)
+            _button(app, "stop", True, app.stop_recording)
             psim.SameLine()
             psim.TextColored(_BAD, f"{live.recorded_ticks / 1e3:.1f} s")
             psim.Text(live.recording.name)
+            if live.recording_problem is not None:
+                _wrapped(_BAD, f"no longer written: {live.recording_problem}")
 
     def _faults(self, app: "App") -> None:
         live = app.live
         _, self._direction = psim.Combo("frames", self._direction, ["to the board", "to the host"])
         _, self._fault_kind = psim.Combo("fault", self._fault_kind, _FAULT_KINDS)
-        _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames")
+        _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames", _CLAMP)
         direction = ("down", "up")[self._direction]
         kind = _FAULT_KINDS[self._fault_kind]
-        _button("inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
+        _button(app, "inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
         psim.SameLine()
         changed, unplugged = psim.Checkbox("cable out", app.unplugged)
         if changed:
-            app.set_unplugged(unplugged)
-        _button("an overlong tick", live.board_name != "native", live.burn_next_tick)
+            app.later(partial(app.set_unplugged, unplugged))
+        _button(app, "an overlong tick", live.board_name != "native", live.burn_next_tick)
 
     def _numbers(self, app: "App") -> None:
         live = app.live
         status = live.status
         psim.Text(f"{app.frames_per_s:.0f} frames/s, loop at {app.real_time:.2f} of real time")
-        if app.real_time < 0.9 and self._speed >= 1.0:
+        if status["running"] and app.real_time < 0.9 and self._speed >= 1.0:
             psim.TextColored(_WARNING, "this machine is too slow for the body:\neverything goes slower, nothing is lost")
         psim.Text(f"models {status['models_taken']} of {status['models_sent']}, refused {status['models_refused']}")
         psim.Text(f"frames lost: {status['frames_lost_down']} down, {status['frames_lost_up']} up")
@@ -189,14 +196,18 @@ class Controls:
             x_mm, y_mm, z_mm = 1e3 * live.contact.tip_m
             psim.Text(f"tip {x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f} mm: {live.contact.mode}")
         if app.message:
-            psim.PushTextWrapPos(0.0)
-            psim.TextColored(_WARNING, app.message)
-            psim.PopTextWrapPos()
+            _wrapped(_WARNING, app.message)
 
 
-def _button(label: str, possible: bool, pressed: Callable[[], object]) -> None:
+def _wrapped(colour: tuple[float, float, float, float], text: str) -> None:
+    psim.PushTextWrapPos(0.0)
+    psim.TextColored(colour, text)
+    psim.PopTextWrapPos()
+
+
+def _button(app: "App", label: str, possible: bool, pressed: Callable[[], object]) -> None:
     psim.BeginDisabled(not possible)
     if psim.Button(label):
-        pressed()
+        app.later(pressed)
     psim.EndDisabled()
 

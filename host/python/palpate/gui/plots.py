@@ -181,7 +181,7 @@ class PlotPanel:
             psim.OpenPopup("plots")
         psim.SameLine()
         psim.SetNextItemWidth(150)
-        _, self.window_s = psim.SliderFloat("back", self.window_s, 1.0, 10.0, "%.0f s")
+        _, self.window_s = psim.SliderFloat("back", self.window_s, 1.0, 10.0, "%.0f s", psim.ImGuiSliderFlags_AlwaysClamp)
         if psim.BeginPopup("plots"):
             for plot in PLOTS:
                 changed, wanted = psim.Checkbox(plot.name, plot.name in self.shown)
