@@ -81,7 +81,7 @@ class Reference {
       EXPECT_TRUE(solve(response.compliance_m_N, unit, column));
       sum += dot(column, column);
     }
-    return std::sqrt(sum) * (1.0f + ModalSurface::kTargetExtrapolation);
+    return std::sqrt(sum) * (1.0f + surface_.target_extrapolation());
   }
   // The model with the state and the contact that it has now.
   wire::ModelContents as_it_is(std::uint32_t sequence, std::uint32_t tick) const {

@@ -166,7 +166,7 @@ Eigen::MatrixXd constrained_tick(const LocalModel& model, const SurfacePoint& po
     b.row(m) = k.b1 * basis.col(m).transpose();
     b.row(modes + m) = k.b2 * basis.col(m).transpose();
     c.col(m) = basis.col(m);
-    c.col(modes + m) = static_cast<double>(ModalSurface::kTargetExtrapolation) * kTick_s * basis.col(m);
+    c.col(modes + m) = static_cast<double>(ModalSurface::kOutputExtrapolation) * kTick_s * basis.col(m);
   }
   return a - b * (c * b).partialPivLu().solve(c * a);
 }

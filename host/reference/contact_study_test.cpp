@@ -24,7 +24,7 @@ PressAndDrag motion(double phase_s = 0.04) {
 }
 
 // First order is expected: one-sided differences in the paper's steps, the normal of the step's start in the
-// default contact. In stick the default contact's forces are centred in the tick (kTargetExtrapolation 1/2),
+// default contact. In stick the default contact's forces are centred in the tick (target_extrapolation 1/2),
 // which may make them better.
 constexpr double kLeastOrder = 0.8, kLargestFirstOrder = 1.3;
 

@@ -79,7 +79,7 @@ Eigen::Matrix3Xd ModalPatchSurface::point_basis(std::uint32_t triangle, const Ve
 
 PointResponse<double> ModalPatchSurface::respond(std::uint32_t triangle, const Vec3d& barycentric) {
   const Eigen::Matrix3Xd w = point_basis(triangle, barycentric);
-  const double lead_s = kTargetExtrapolation * step_s_;
+  const double lead_s = target_extrapolation() * step_s_;
   const Eigen::Matrix3d c = w * (b1_s2_ + lead_s * b2_s_).matrix().asDiagonal() * w.transpose();
   const Eigen::Vector3d moved = w * (q_ + lead_s * p_);
   Vec3d rest{};

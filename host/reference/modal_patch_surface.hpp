@@ -21,7 +21,7 @@ namespace palpate::host::paper {
 class ModalPatchSurface {
  public:
   using Real = double;
-  static constexpr double kTargetExtrapolation = ModalSurface::kTargetExtrapolation;
+  [[nodiscard]] static constexpr double target_extrapolation() { return ModalSurface::kOutputExtrapolation; }
 
   // Starts at X0, V0. Throws as reduce_to_modes and modal_coefficients do.
   ModalPatchSurface(const LinearPatch& patch, double step_s, SurfaceKind kind,

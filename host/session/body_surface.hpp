@@ -21,7 +21,7 @@ namespace palpate::host {
 class BodySurface {
  public:
   using Real = double;
-  static constexpr double kTargetExtrapolation = 0.0;
+  [[nodiscard]] static constexpr double target_extrapolation() { return 0.0; }
 
   // Throws std::invalid_argument for a step that is not stable, naming it and the bound, and as NodeDrives
   // and SurfaceFriction do.

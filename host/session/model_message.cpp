@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "host/linearize/target_extrapolation.hpp"
+
 namespace palpate::host {
 namespace {
 
@@ -111,6 +113,8 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
   message.triangles = static_cast<std::uint8_t>(triangles);
   pack({model.origin_m.x(), model.origin_m.y(), model.origin_m.z()}, message.origin_m);
   message.surface = static_cast<std::uint8_t>(surface);
+  // Where the basis does not stay, neither would this: it keeps the half that is right for soft bodies.
+  if (model.rest_m.size() != 0) message.target_below_half_16ths = target_below_half_16ths(model);
   message.static_friction.count = message.kinetic_friction.count = friction.different().size();
   for (std::size_t i = 0; i < friction.different().size(); ++i) {
     message.static_friction.elements[i] = narrow(friction.different()[i].static_coefficient);

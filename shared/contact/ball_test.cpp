@@ -23,7 +23,7 @@ constexpr double kStiffness_N_m = 1000.0, kStep_s = 1e-3, kStep_m = 2e-5;
 class Cube {
  public:
   using Real = double;
-  static constexpr double kTargetExtrapolation = 0.0;
+  [[nodiscard]] static constexpr double target_extrapolation() { return 0.0; }
   explicit Cube(SurfaceKind kind) : kind_(kind) {
     for (int axis = 0; axis < 3; ++axis)
       for (const bool far : {false, true})

@@ -173,7 +173,7 @@ void step_contact(Surface& surface, ContactState<typename Surface::Real>& state,
     state.overhang_m = overhang;
   }
   const Vec3<Real> target =
-      to + (to - from) * Surface::kTargetExtrapolation - normal * (law.tip_radius_m + state.height_m);
+      to + (to - from) * surface.target_extrapolation() - normal * (law.tip_radius_m + state.height_m);
   Vec3<Real> gap = target - overhang + normal * state.inset_m - response.free_m;
   if (beyond_border)
     gap += normal *

@@ -35,13 +35,13 @@ enum class Nearness : std::uint8_t {
   near      // it could touch
 };
 
-// A surface that can be touched. kTargetExtrapolation (in steps): the response is that of position +
-// extrapolation * step * velocity at the end of the step; 0 where the surface's own stepping has no sampling
-// zero near -1.
+// A surface that can be touched. target_extrapolation() (in steps): the contact aims at the tip's place at
+// the end of the step + extrapolation * its motion in the step, for a response that is ahead of the end, too;
+// 0 where it is not.
 template <class S>
 concept ContactSurface = requires(S s, const S c, std::uint32_t i, Vec3<typename S::Real> v,
                                   typename S::Real radius) {
-  { S::kTargetExtrapolation } -> std::convertible_to<typename S::Real>;
+  { c.target_extrapolation() } -> std::convertible_to<typename S::Real>;
   { c.kind() } -> std::same_as<SurfaceKind>;
   { c.triangle_count() } -> std::convertible_to<std::uint32_t>;
   { c.corners(i) } -> std::same_as<std::array<std::uint32_t, 3>>;

@@ -16,7 +16,7 @@ namespace palpate::test {
 class Bed {
  public:
   using Real = double;
-  static constexpr double kTargetExtrapolation = 0.0;
+  [[nodiscard]] static constexpr double target_extrapolation() { return 0.0; }
   static constexpr double kStep_s = 1e-4, kMass_kg = 1e-3, kStiffness_N_m = 300.0, kDamping_N_s_m = 0.5;
   static constexpr double kSpacing_m = 0.01;
   static constexpr std::uint32_t kSide = 6;

@@ -34,12 +34,15 @@ enum class ModelKind : std::uint8_t {
 };
 
 // The constant part of a local model, wherever it is stored. Positions in the device frame minus origin_m.
+inline constexpr std::uint8_t kMaxTargetBelowHalf_16ths = 8;
+
 struct LocalModelView {
   std::size_t modes = 0;
   std::size_t nodes = 0;          // those of the surface first, then those below it
   std::size_t surface_nodes = 0;  // at most `nodes`
   std::size_t triangles = 0;
   SurfaceKind surface = SurfaceKind::smooth;
+  std::uint8_t target_below_half_16ths = 0;  // at most kMaxTargetBelowHalf_16ths
   Vec3f origin_m{};
   const float* position_m = nullptr;     // nodes x 3, at q = 0
   const std::uint8_t* corner = nullptr;  // triangles x 3, node indices, counter-clockwise seen from outside
@@ -62,6 +65,12 @@ struct LocalModelView {
   const float* spring_stiffness_N_m = nullptr;  // spring_kinds
   const float* spring_damping_N_s_m = nullptr;  // spring_kinds
   const float* spring_length_m = nullptr;       // spring_kinds, without load
+
+  // The motion of the tip beyond its place at the end of a step at which the contact aims, in steps: 0 to
+  // 1/2.
+  [[nodiscard]] float target_extrapolation() const {
+    return 0.5f - static_cast<float>(target_below_half_16ths) / 16.0f;
+  }
 };
 
 // The part that changes from tick to tick.

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-constexpr float kLead_s = ModalSurface::kTargetExtrapolation * static_cast<float>(kTick_s);
+constexpr float kLead_s = ModalSurface::kOutputExtrapolation * static_cast<float>(kTick_s);
 
 // Work in Cortex-M4F instructions, as counted in QEMU (docs/benchmarks.md). Models without a near field are
 // counted as if they had 96 modes, generously for nodes: that is what their catch-up was balanced with

@@ -38,11 +38,14 @@ class ModalSurface {
   // Inverting an exactly sampled displacement response rings: its sampling zero tends to -1. Position plus
   // half a tick of velocity has its zero at 0 for a mass, inside the unit circle with damping
   // (docs/decisions/contact_output.md).
-  static constexpr float kTargetExtrapolation = 0.5f;
+  static constexpr float kOutputExtrapolation = 0.5f;
 
   // Starts on a checked model. Positions are those of `state` as it is now.
   void bind(const LocalModelView& model, ModalState& state);
 
+  // So that the force is the body's mean of the tick while the tip moves steadily: the host's to say
+  // (host/linearize/target_extrapolation.hpp).
+  [[nodiscard]] float target_extrapolation() const { return model_.target_extrapolation(); }
   [[nodiscard]] static constexpr float step_s() { return static_cast<float>(kTick_s); }
   [[nodiscard]] SurfaceKind kind() const { return model_.surface; }
   [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(model_.triangles); }

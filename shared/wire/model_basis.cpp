@@ -49,7 +49,8 @@ Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash
   const BasisLayout layout =
       basis_layout(modes, nodes, header.triangles, header.frictions, header.springs, header.spring_kinds);
   if (header.bytes != bytes.size() || layout.bytes != bytes.size() ||
-      header.surface > static_cast<std::uint8_t>(SurfaceKind::flat))
+      header.surface > static_cast<std::uint8_t>(SurfaceKind::flat) ||
+      header.target_below_half_16ths > kMaxTargetBelowHalf_16ths)
     return Status::model_inconsistent;
   law = {header.tip_radius_m, {header.coupling_stiffness_N_m, header.coupling_damping_N_s_m}};
   if (!is_valid(law)) return Status::model_inconsistent;
@@ -58,6 +59,7 @@ Status open_basis(std::span<const std::uint8_t> bytes, std::uint64_t schema_hash
           .surface_nodes = header.surface_nodes,
           .triangles = header.triangles,
           .surface = static_cast<SurfaceKind>(header.surface),
+          .target_below_half_16ths = header.target_below_half_16ths,
           .origin_m = {header.origin_m[0], header.origin_m[1], header.origin_m[2]},
           .position_m = at<float>(bytes, layout.place_m),
           .corner = at<std::uint8_t>(bytes, layout.corner),

@@ -21,7 +21,10 @@ struct BasisHeader {
   std::uint16_t modes;
   std::uint8_t nodes, surface_nodes, triangles, frictions, springs, spring_kinds;
   std::uint8_t surface;  // SurfaceKind
-  std::uint8_t zero[3];
+  // The contact's target, in 1/16 tick of the tip's motion below 1/2; at most 8
+  // (shared/model/local_model.hpp)
+  std::uint8_t target_below_half_16ths;
+  std::uint8_t zero[2];
   float origin_m[3];  // of node positions, device frame
   float tip_radius_m;
   float coupling_stiffness_N_m;  // spring between tip and contact point; 0: none

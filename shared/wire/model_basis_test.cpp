@@ -30,6 +30,7 @@ ModelContents model(std::size_t modes, std::size_t nodes, std::size_t triangles,
   m.triangles = static_cast<std::uint8_t>(triangles);
   m.surface = static_cast<std::uint8_t>(SurfaceKind::flat);
   for (float& value : m.origin_m) value = static_cast<float>(random() % 100);
+  m.target_below_half_16ths = 3;
   m.tip_radius_m = 0.003f;
   m.coupling_stiffness_N_m = 500.0f;
   m.coupling_damping_N_s_m = 2.0f;
@@ -70,6 +71,7 @@ TEST(ModelBasis, IsReadWhereItLies) {
     EXPECT_EQ(view.surface_nodes, sent.surface_nodes);
     EXPECT_EQ(view.triangles, sent.triangles);
     EXPECT_EQ(view.surface, SurfaceKind::flat);
+    EXPECT_EQ(view.target_extrapolation(), 0.5f - 3.0f / 16.0f);
     EXPECT_EQ(view.origin_m, (Vec3f{sent.origin_m[0], sent.origin_m[1], sent.origin_m[2]}));
     EXPECT_EQ(law.tip_radius_m, 0.003f);
     EXPECT_EQ(law.coupling.stiffness_N_m, 500.0f);
@@ -145,6 +147,8 @@ TEST(ModelBasis, RefusesWhatDoesNotFit) {
   EXPECT_EQ(opened(with(offsetof(BasisHeader, springs), std::uint8_t{193})), Status::model_too_large);
   EXPECT_EQ(opened(with(offsetof(BasisHeader, spring_kinds), std::uint8_t{17})), Status::model_too_large);
   EXPECT_EQ(opened(with(offsetof(BasisHeader, surface), std::uint8_t{2})), Status::model_inconsistent);
+  EXPECT_EQ(opened(with(offsetof(BasisHeader, target_below_half_16ths), std::uint8_t{9})),
+            Status::model_inconsistent);
   EXPECT_EQ(opened(with(offsetof(BasisHeader, tip_radius_m), 0.06f)), Status::model_inconsistent);
 }
 

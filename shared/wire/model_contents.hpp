@@ -29,6 +29,7 @@ struct ModelContents {
   float origin_m[3]{};
   float tip_radius_m = 0;
   std::uint8_t surface = 0;  // SurfaceKind
+  std::uint8_t target_below_half_16ths = 0;
   float coupling_stiffness_N_m = 0;
   float coupling_damping_N_s_m = 0;
   std::uint8_t tip_source = 0;

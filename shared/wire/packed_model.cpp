@@ -43,6 +43,7 @@ std::vector<std::uint8_t> write_basis(const ModelContents& m) {
   header.springs = static_cast<std::uint8_t>(m.spring_kind.count);
   header.spring_kinds = static_cast<std::uint8_t>(m.spring_stiffness_N_m.count);
   header.surface = m.surface;
+  header.target_below_half_16ths = m.target_below_half_16ths;
   std::copy(m.origin_m, m.origin_m + 3, header.origin_m);
   header.tip_radius_m = m.tip_radius_m;
   header.coupling_stiffness_N_m = m.coupling_stiffness_N_m;
