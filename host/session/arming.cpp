@@ -24,7 +24,7 @@ void Arming::take(const palpate_Command_Response_1_0& response) {
   if (response.mode == palpate_BoardStatus_1_0_MODE_RENDER ||
       response.mode == palpate_BoardStatus_1_0_MODE_FAULT)
     done_ = true;
-  if (response.status == static_cast<std::uint8_t>(Status::ok)) token_ = response._token;
+  if (!done_ && response.status == static_cast<std::uint8_t>(Status::ok)) token_ = response._token;
 }
 
 }  // namespace palpate::host

@@ -16,8 +16,11 @@ class Arming {
   // by_itself: as if begin() had been called.
   explicit Arming(bool by_itself = true) : done_(!by_itself) {}
   void begin() { *this = Arming(idle_, false); }
-  // Leaves the board alone.
-  void cancel() { done_ = true; }
+  // Leaves the board alone: what a person does not want any more does not happen later.
+  void cancel() {
+    done_ = true;
+    token_ = 0;
+  }
   // What to send now, if anything.
   std::optional<palpate_Command_Request_1_0> poll(std::uint32_t tick);
   void take(const palpate_BoardStatus_1_0& status);

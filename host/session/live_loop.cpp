@@ -44,8 +44,17 @@ LiveLoop::~LiveLoop() {
 
 void LiveLoop::start() {
   if (thread_.joinable() || stop_) throw std::logic_error("live loop: it has been started already");
-  status_.running = true;
-  thread_ = std::thread([this] { run(); });
+  {
+    const std::lock_guard lock(mutex_);
+    status_.running = true;
+  }
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    status_.running = false;
+    throw;
+  }
 }
 
 void LiveLoop::stop() {
@@ -86,6 +95,10 @@ void LiveLoop::run() {
       const std::chrono::duration<double> should(static_cast<double>(loop_.tick() - began_tick) * kTick_s /
                                                  speed_);
       const auto due = began + std::chrono::duration_cast<Clock::duration>(should);
+      if (due - Clock::now() > kPause) {
+        std::this_thread::sleep_for(kPause);
+        continue;
+      }
       std::this_thread::sleep_until(due);
       const auto now = Clock::now();
       LiveTick tick;
@@ -107,6 +120,8 @@ void LiveLoop::run() {
   }
   const std::lock_guard lock(mutex_);
   status_.running = false;
+  has_ended_ = true;
+  controls_.clear();
   status_.error = std::move(error);
 }
 
@@ -161,6 +176,11 @@ void LiveLoop::publish(const LiveTick& tick) {
 }
 
 void LiveLoop::publish_updates() {
+  // They are not kept for ever.
+  if (updates_given_ >= kMostUpdates) {
+    loop_.host().forget_updates(updates_given_);
+    updates_given_ = 0;
+  }
   const std::vector<UpdateRecord>& all = loop_.host().updates();
   for (; updates_given_ < all.size(); ++updates_given_) {
     const UpdateRecord& update = all[updates_given_];
@@ -173,7 +193,7 @@ void LiveLoop::publish_updates() {
 
 void LiveLoop::post(std::function<void()> control) {
   const std::lock_guard lock(mutex_);
-  controls_.push_back(std::move(control));
+  if (!has_ended_) controls_.push_back(std::move(control));
 }
 
 bool LiveLoop::guide_hand(const Vec3d& target_m) {
@@ -212,11 +232,17 @@ void LiveLoop::command(firmware::Action action) {
 }
 
 void LiveLoop::set_emergency_stop(bool open) {
-  post([this, open] { loop_.set_emergency_stop(open); });
+  post([this, open] {
+    if (open) loop_.host().cancel_arming();
+    loop_.set_emergency_stop(open);
+  });
 }
 
 void LiveLoop::set_unplugged(bool unplugged) {
-  post([this, unplugged] { loop_.set_unplugged(unplugged); });
+  post([this, unplugged] {
+    if (unplugged) loop_.host().cancel_arming();
+    loop_.set_unplugged(unplugged);
+  });
 }
 
 void LiveLoop::burn_next_tick() {
@@ -238,22 +264,26 @@ void LiveLoop::set_host_delay(std::uint32_t ticks) {
 }
 
 void LiveLoop::set_speed(double speed) {
-  plant::require_range("speed", speed, 0.0, 10.0);
+  if (speed != 0.0) plant::require_range("speed", speed, kSlowest, 10.0);
   post([this, speed] { speed_ = speed; });
 }
 
 std::vector<LiveTick> LiveLoop::take_ticks() {
-  const std::lock_guard lock(mutex_);
-  std::vector<LiveTick> ticks(ticks_.begin(), ticks_.end());
-  ticks_.clear();
-  return ticks;
+  std::deque<LiveTick> taken;
+  {
+    const std::lock_guard lock(mutex_);
+    taken.swap(ticks_);
+  }
+  return {taken.begin(), taken.end()};
 }
 
 std::vector<UpdateRecord> LiveLoop::take_updates() {
-  const std::lock_guard lock(mutex_);
-  std::vector<UpdateRecord> updates(updates_.begin(), updates_.end());
-  updates_.clear();
-  return updates;
+  std::deque<UpdateRecord> taken;
+  {
+    const std::lock_guard lock(mutex_);
+    taken.swap(updates_);
+  }
+  return {taken.begin(), taken.end()};
 }
 
 std::shared_ptr<const LivePicture> LiveLoop::take_picture() {

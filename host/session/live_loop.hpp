@@ -66,9 +66,12 @@ struct LiveStatus {
 class LiveLoop {
  public:
   // Longest wall-clock delay that is made up for afterwards.
-  static constexpr double kMostBehind_s = 0.05;
+  static constexpr double kMostBehind_s = 0.05;  // more would be seen as the loop running ahead in a hurry
+  static constexpr double kSlowest = 1e-3;       // but a pause
+  // Seconds, for a window that is being moved or a disk that stalls; some megabytes.
   static constexpr std::size_t kMostTicks = 4000, kMostUpdates = 1000;
-  // A status of the board for a model is waited for that long before its row is given away as it is.
+  // A status of the board for a model is waited for that long before its row is given away as it is: longer
+  // than the board may hold it (docs/safety.md: 1,000 ticks).
   static constexpr std::uint32_t kUpdateSettles_ticks = 1500;
 
   // Throws what ClosedLoop, plant and guide throw.
@@ -97,7 +100,7 @@ class LiveLoop {
   // The next `count` frames in 1 to 1000.
   void add_faults(bool to_board, link::FaultKind kind, std::size_t argument, std::uint32_t count);
   void set_host_delay(std::uint32_t ticks);
-  // Of virtual over wall-clock time, in (0, 10]; 0 pauses.
+  // Of virtual over wall-clock time, kSlowest to 10; 0 pauses.
   void set_speed(double speed);
 
   // Since the call before, at most the newest kMostTicks.
@@ -138,6 +141,7 @@ class LiveLoop {
   std::deque<UpdateRecord> updates_;
   std::shared_ptr<const LivePicture> picture_;
   LiveStatus status_;
+  bool has_ended_ = false;
 
   std::atomic<bool> stop_{false}, picture_wanted_{true};
   std::thread thread_;

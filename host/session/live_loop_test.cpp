@@ -71,6 +71,20 @@ class Live {
     return until([mode](const LoopTick& tick) { return tick.board.mode == mode; });
   }
 
+  // Pauses; returns the tick.
+  std::uint32_t stand_still() {
+    loop.set_speed(0.0);
+    std::uint32_t before = 0;
+    const auto latest = std::chrono::steady_clock::now() + kHangs;
+    for (int unchanged = 0; unchanged < 20 && std::chrono::steady_clock::now() < latest;) {
+      const std::uint32_t now = loop.status().tick;
+      unchanged = now == before ? unchanged + 1 : 0;
+      before = now;
+      std::this_thread::sleep_for(5ms);
+    }
+    return before;
+  }
+
   LiveLoop loop;
   std::vector<LiveTick> ticks;
 };
@@ -93,6 +107,35 @@ TEST(LiveLoop, ArmsWhenAskedAndTouchesWhatTheHandGoesInto) {
   for (std::size_t i = 1; i < live.ticks.size(); ++i)
     EXPECT_EQ(live.ticks[i].loop.tick, live.ticks[i - 1].loop.tick + 1);
   EXPECT_EQ(live.loop.status().ticks_unseen, 0u);
+}
+
+TEST(LiveLoop, WhatIsDisarmedIsNotArmedLater) {
+  LiveSetup by_hand = setup(4);
+  by_hand.loop.arms_by_itself = false;
+  Live live(std::move(by_hand));
+  ASSERT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_IDLE));
+  ASSERT_TRUE(live.until([](const LoopTick& tick) { return tick.tick > 300; }));
+  const auto stays_idle = [&live](std::uint32_t ticks) {
+    const std::uint32_t begin = live.loop.status().tick;
+    const std::size_t first = live.ticks.size();
+    EXPECT_TRUE(live.until([=](const LoopTick& tick) { return tick.tick > begin + ticks; }));
+    for (std::size_t i = first; i < live.ticks.size(); ++i) EXPECT_EQ(live.ticks[i].loop.board.enabled, 0u);
+  };
+  // In one tick, so that nothing has crossed the link before it is called back.
+  live.stand_still();
+  live.loop.arm();
+  live.loop.command(firmware::Action::disarm);
+  live.loop.set_speed(10.0);
+  stays_idle(1000);
+  // Without a cable nobody hears it; with one again nobody wants it any more.
+  live.loop.set_unplugged(true);
+  live.loop.arm();
+  live.loop.command(firmware::Action::disarm);
+  stays_idle(500);
+  live.loop.set_unplugged(false);
+  stays_idle(1000);
+  live.loop.arm();
+  EXPECT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_RENDER));
 }
 
 TEST(LiveLoop, EmergencyStopIsLatchedUntilItIsClearedAndArmedAgain) {
@@ -126,9 +169,10 @@ TEST(LiveLoop, WithoutACableModelsGrowOldAndTheForceFades) {
 TEST(LiveLoop, LostFramesAreCounted) {
   Live live;
   ASSERT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_RENDER));
+  const std::uint32_t tick = live.stand_still();
   live.loop.add_faults(false, link::FaultKind::drop, 0, 20);
   live.loop.add_faults(false, link::FaultKind::drop, 0, 20);  // the same frames: no more are lost
-  const std::uint32_t tick = live.loop.status().tick;
+  live.loop.set_speed(10.0);
   ASSERT_TRUE(live.until([tick](const LoopTick& now) { return now.tick > tick + 1000; }));
   // A gap shows when the next frame of its kind comes: of each of the board's five the last lost one may be
   // none yet.
@@ -177,14 +221,7 @@ TEST(LiveLoop, NobodyWhoLooksMakesItWait) {
 TEST(LiveLoop, PausesAndRefusesWhatIsOutOfRange) {
   Live live;
   ASSERT_TRUE(live.until([](const LoopTick& tick) { return tick.tick > 100; }));
-  live.loop.set_speed(0.0);
-  std::uint32_t before = 0;
-  for (int unchanged = 0; unchanged < 20;) {  // until it stands still: then it stays so
-    const std::uint32_t now = live.loop.status().tick;
-    unchanged = now == before ? unchanged + 1 : 0;
-    before = now;
-    std::this_thread::sleep_for(5ms);
-  }
+  const std::uint32_t before = live.stand_still();
   EXPECT_FALSE(live.loop.guide_hand({1.0, 1.0, 1.0}));
   EXPECT_THROW(live.loop.set_grip(1.5), std::invalid_argument);
   EXPECT_THROW(live.loop.set_speed(-1.0), std::invalid_argument);

@@ -37,6 +37,7 @@ void LoopHost::receive(const std::vector<std::uint8_t>& bytes, std::uint32_t tic
 }
 
 void LoopHost::command(firmware::Action action) {
+  arming_.cancel();
   if (actions_.size() < kMostActions) actions_.push_back(action);
 }
 
@@ -50,14 +51,17 @@ std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t 
     frames.push_back(endpoint_.encode(request));
   }
   if (const auto request = traces_.poll()) frames.push_back(endpoint_.encode(*request));
+  bool was_computed = false;
   if (is_busy() && update_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+    was_computed = true;
     take_model(update_.get(), frames);
     for (const auto& news : news_) news(session_);
     news_.clear();
   }
   if (!is_busy()) session_.prepare();
   if (session_.due(tick)) model_is_due_ = true;
-  if (model_is_due_ && !is_busy() && backlog_bytes <= bytes_behind_model_ &&
+  // The next one begins a tick later: who wants to see the session's body sees it in between.
+  if (model_is_due_ && !is_busy() && !was_computed && backlog_bytes <= bytes_behind_model_ &&
       computing_.size() < config_.models_under_way) {
     model_is_due_ = false;
     begun_tick_ = tick;
@@ -238,7 +242,10 @@ void LoopHost::take(const palpate_BoardStatus_1_0& status) {
   board_status_ = status;
 }
 void LoopHost::take(const palpate_ModelReport_1_0& report) {
-  for (UpdateRecord& update : result_.updates) {
+  // Newest first: it is one of the last.
+  for (auto it = result_.updates.rbegin(); it != result_.updates.rend(); ++it) {
+    UpdateRecord& update = *it;
+    if (update.sequence < report.sequence) break;
     // What was taken over stays so, even if it came twice and the second one was refused.
     if (update.sequence != report.sequence || update.status == static_cast<std::uint8_t>(Status::ok))
       continue;

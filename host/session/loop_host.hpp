@@ -40,8 +40,10 @@ class LoopHost {
   std::vector<link::OutgoingFrame> poll(std::uint32_t tick, std::size_t backlog_bytes,
                                         double link_bytes_per_tick);
 
-  // What a person asks for. Arming takes its two steps (arming.hpp); any other action goes out as it is.
+  // What a person asks for. Arming takes its two steps (arming.hpp); any other action goes out as it is, and
+  // ends what is left of them.
   void arm() { arming_.begin(); }
+  void cancel_arming() { arming_.cancel(); }
   void command(firmware::Action action);
   // For models that are begun from now on.
   void set_delay(std::uint32_t ticks) { config_.host_delay_ticks = ticks; }
@@ -59,6 +61,11 @@ class LoopHost {
     return !is_busy() || update_.wait_for(longest) == std::future_status::ready;
   }
   [[nodiscard]] const std::vector<UpdateRecord>& updates() const { return result_.updates; }
+  // Forgets the oldest; finish() then lacks them.
+  void forget_updates(std::size_t count) {
+    result_.updates.erase(result_.updates.begin(),
+                          result_.updates.begin() + static_cast<std::ptrdiff_t>(count));
+  }
   [[nodiscard]] LoopCounters counters() const;
   // As the board said last, if it has.
   [[nodiscard]] const std::optional<palpate_BoardStatus_1_0>& board_status() const { return board_status_; }
