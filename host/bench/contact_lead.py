@@ -16,7 +16,7 @@ from palpate.paths import SCENES
 from palpate.scene import load_scene
 
 TICK_S = 1e-3
-TARGET_TICKS = 0.5  # ModalSurface::kTargetExtrapolation
+TARGET_TICKS = 0.5  # where the contact aims without a word of the host's (shared/model/local_model.hpp)
 LARGEST_PHASE_RAD = 2.5  # kLargestResolvedPhase_rad of host/linearize/modal_coefficients.hpp
 AT_M = (0.0035, 0.0042, -0.02)  # where the pokes are (palpate.frontier.paths)
 # Stiffness (N/m), damping ratio, a step of the body that is stable (s).
