@@ -6,6 +6,8 @@ from loop_scene import command_line, no_progress, run, scene
 from palpate import _core, experiment
 from palpate.scene import load_scene
 
+# One was too few once in a busy run of all tests; each puts more files in order.
+MOST_RUNS = 6
 KRYLOV = '[model]\nbuilder = "krylov"\ntangent = "rest"\n'
 
 
@@ -44,9 +46,14 @@ def test_damaged_files_are_named_and_not_used(tmp_path, bases):
     assert outcome.summary["record_hash"] == good.summary["record_hash"]
     (warning,) = outcome.warnings
     assert str(bases) in warning and "is damaged: its CRC does not match" in warning
-    # They have been put in order.
-    done = command_line(tmp_path, "run", text())
-    assert done.returncode == 0 and "damaged" not in done.stderr
+    # They have been put in order: those that a state wanted at once, others that were only prepared for when a run has
+    # time for them before it ends.
+    for _ in range(MOST_RUNS):
+        done = command_line(tmp_path, "run", text())
+        assert done.returncode == 0
+        if "damaged" not in done.stderr:
+            break
+    assert "damaged" not in done.stderr
 
 
 def test_a_place_that_cannot_be_used_is_a_warning(tmp_path, monkeypatch):
