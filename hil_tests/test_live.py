@@ -62,7 +62,9 @@ def test_touch_in_real_time_and_record(tmp_path: Path, board: str) -> None:
         assert not live.guide_hand([9.0, 0.0, 0.0])
         live.stop_recording()
         recorded = live.recorded_ticks
-    values = record.load(file).values
+    kept = record.load(file)
+    values = kept.values
+    assert kept.attributes["models_taken"] > 0 and kept.attributes["frames_lost_up"] == 0
     assert len(values["ticks/tick"]) == recorded > 300
     np.testing.assert_array_equal(np.diff(values["ticks/tick"]), 1)
     assert np.any(values["ticks/contact_mode"] > 0)

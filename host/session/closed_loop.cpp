@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <span>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
 #include "shared/servo_tick.hpp"
@@ -13,10 +12,6 @@ namespace palpate::host {
 namespace {
 
 constexpr std::size_t kTicksPerReport = 10;
-
-void require(bool good, const char* what) {
-  if (!good) throw std::runtime_error(std::string("board: ") + what);
-}
 
 bool contains(const std::vector<std::uint32_t>& ticks, std::uint32_t tick) {
   return std::find(ticks.begin(), ticks.end(), tick) != ticks.end();
@@ -73,10 +68,10 @@ LoopTick ClosedLoop::advance() {
 
   board_.send(read);
   board_.receive(row.board);
-  require(row.board.magic == lockstep::kActuatorMagic && row.board.tick == tick_ &&
-              row.board.link_length <= row.board.link.size(),
-          "its actuator frame has a wrong magic number, tick or length");
-  require(row.board.next_tick > tick_, "its next tick is not after the present one");
+  require_of_board(row.board.magic == lockstep::kActuatorMagic && row.board.tick == tick_ &&
+                       row.board.link_length <= row.board.link.size(),
+                   "its actuator frame has a wrong magic number, tick or length");
+  require_of_board(row.board.next_tick > tick_, "its next tick is not after the present one");
   const std::uint32_t elapsed = row.board.next_tick - tick_;  // more than 1 where deadlines were missed
 
   const std::vector<std::uint8_t> from_board =

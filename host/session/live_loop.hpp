@@ -110,7 +110,6 @@ class LiveLoop {
   // The newest, or null where it is the one of the call before. None is made until this one is fetched.
   std::shared_ptr<const LivePicture> take_picture();
   [[nodiscard]] LiveStatus status() const;
-  [[nodiscard]] const Body& body() const { return body_; }
 
  private:
   using Clock = std::chrono::steady_clock;

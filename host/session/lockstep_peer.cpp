@@ -4,24 +4,15 @@
 
 #include <cerrno>
 #include <cstddef>
-#include <stdexcept>
-#include <string>
 
 namespace palpate::host {
-namespace {
-
-void require(bool good, const char* what) {
-  if (!good) throw std::runtime_error(std::string("board: ") + what);
-}
-
-}  // namespace
 
 void FileDescriptorPeer::send(const lockstep::SensorFrame& frame) {
   const auto* bytes = reinterpret_cast<const std::byte*>(&frame);
   for (std::size_t done = 0; done < sizeof frame;) {
     const ssize_t count = ::write(sensor_fd_, bytes + done, sizeof frame - done);
     if (count < 0 && errno == EINTR) continue;
-    require(count > 0, "its sensor stream is closed");
+    require_of_board(count > 0, "its sensor stream is closed");
     done += static_cast<std::size_t>(count);
   }
 }
@@ -31,7 +22,7 @@ void FileDescriptorPeer::receive(lockstep::ActuatorFrame& frame) {
   for (std::size_t done = 0; done < sizeof frame;) {
     const ssize_t count = ::read(actuator_fd_, bytes + done, sizeof frame - done);
     if (count < 0 && errno == EINTR) continue;
-    require(count > 0, "its actuator stream ended");
+    require_of_board(count > 0, "its actuator stream ended");
     done += static_cast<std::size_t>(count);
   }
 }

@@ -1,9 +1,17 @@
 // The board's end of the lock-step exchange, as the closed loop sees it.
 #pragma once
 
+#include <stdexcept>
+#include <string>
+
 #include "boards/lockstep/exchange.hpp"
 
 namespace palpate::host {
+
+// Throws std::runtime_error that says so of the board.
+inline void require_of_board(bool good, const char* what) {
+  if (!good) throw std::runtime_error(std::string("board: ") + what);
+}
 
 // A board at the other end of two byte streams (boards/lockstep/exchange.hpp).
 class LockstepPeer {

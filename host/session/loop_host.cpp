@@ -4,19 +4,16 @@
 #include <chrono>
 #include <map>
 #include <stdexcept>
-#include <string>
 #include <utility>
 #include <variant>
+
+#include "host/session/lockstep_peer.hpp"
 
 namespace palpate::host {
 namespace {
 
 // A person presses no more buttons in a tick.
 constexpr std::size_t kMostActions = 16;
-
-void require(bool good, const char* what) {
-  if (!good) throw std::runtime_error(std::string("board: ") + what);
-}
 
 }  // namespace
 
@@ -235,8 +232,9 @@ void LoopHost::send_state(const ModelUpdate& update, std::uint32_t tick,
 }
 
 void LoopHost::take(const palpate_BoardStatus_1_0& status) {
-  require(status.schema_hash == wire::kSchemaHash,
-          "it was built from other message definitions than the host: build both from the same version");
+  require_of_board(
+      status.schema_hash == wire::kSchemaHash,
+      "it was built from other message definitions than the host: build both from the same version");
   arming_.take(status);
   traces_.take(status);
   board_status_ = status;

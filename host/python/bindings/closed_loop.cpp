@@ -94,13 +94,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
         column<double>(run.probe.correction_energy_J, [](double energy_J) { return energy_J; });
   }
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
-  result["frames_lost_down"] = run.counters.frames_lost_down;
-  result["frames_lost_up"] = run.counters.frames_lost_up;
-  result["frames_repeated_up"] = run.counters.frames_repeated_up;
-  result["models_sent"] = run.counters.models_sent;
-  result["models_taken"] = run.counters.models_taken;
-  result["models_refused"] = run.counters.models_refused;
-  result["basis_waits"] = run.counters.basis_waits;
+  add_counters(result, run.counters);
   result["basis_problem"] = run.bases.problem;
   return result;
 }

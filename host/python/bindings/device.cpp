@@ -10,6 +10,7 @@
 #include "host/link/uart.hpp"
 #include "host/plant/plant.hpp"
 #include "host/python/bindings/arrays.hpp"
+#include "host/python/bindings/loop_datasets.hpp"
 #include "host/python/bindings/moving_body.hpp"
 #include "host/python/bindings/scene.hpp"
 
@@ -68,16 +69,7 @@ void bind_device(nb::module_& module) {
           "tick"_a)
       .def("backlog_bytes", &Uart::backlog_bytes, "tick"_a)
       .def_prop_ro("bytes_per_tick", &Uart::bytes_per_tick)
-      .def_prop_ro("counters", [](const Uart& u) {
-        const link::MediumCounters c = u.counters();
-        nb::dict result;
-        result["bytes_accepted"] = c.bytes_accepted;
-        result["bytes_delivered"] = c.bytes_delivered;
-        result["bytes_dropped"] = c.bytes_dropped;
-        result["submissions_dropped"] = c.submissions_dropped;
-        result["busy_ticks"] = c.busy_ticks;
-        return result;
-      });
+      .def_prop_ro("counters", [](const Uart& u) { return medium_counters(u.counters()); });
 }
 
 }  // namespace palpate::python

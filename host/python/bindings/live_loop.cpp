@@ -102,14 +102,6 @@ nb::object picture(LiveLoop& live) {
   return result;
 }
 
-nb::dict medium(const link::MediumCounters& counters) {
-  nb::dict result;
-  result["bytes_delivered"] = counters.bytes_delivered;
-  result["bytes_dropped"] = counters.bytes_dropped;
-  result["busy_ticks"] = counters.busy_ticks;
-  return result;
-}
-
 nb::dict status(const LiveLoop& live) {
   const host::LiveStatus now = live.status();
   nb::dict result;
@@ -118,15 +110,9 @@ nb::dict status(const LiveLoop& live) {
   result["error"] = now.error;
   result["slipped_s"] = now.slipped_s;
   result["ticks_unseen"] = now.ticks_unseen;
-  result["models_sent"] = now.counters.models_sent;
-  result["models_taken"] = now.counters.models_taken;
-  result["models_refused"] = now.counters.models_refused;
-  result["frames_lost_down"] = now.counters.frames_lost_down;
-  result["frames_lost_up"] = now.counters.frames_lost_up;
-  result["frames_repeated_up"] = now.counters.frames_repeated_up;
-  result["basis_waits"] = now.counters.basis_waits;
-  result["down"] = medium(now.down);
-  result["up"] = medium(now.up);
+  add_counters(result, now.counters);
+  result["down"] = medium_counters(now.down);
+  result["up"] = medium_counters(now.up);
   result["board_heard"] = now.board.has_value();
   const palpate_BoardStatus_1_0 board = now.board.value_or(palpate_BoardStatus_1_0{});
   result["board_mode"] = board.mode;

@@ -73,4 +73,24 @@ void add_updates(nb::dict& result, const std::vector<UpdateRecord>& updates) {
       column<std::uint32_t>(updates, [](const UpdateRecord& u) { return u.limited_modes; });
 }
 
+void add_counters(nb::dict& result, const host::LoopCounters& counters) {
+  result["frames_lost_down"] = counters.frames_lost_down;
+  result["frames_lost_up"] = counters.frames_lost_up;
+  result["frames_repeated_up"] = counters.frames_repeated_up;
+  result["models_sent"] = counters.models_sent;
+  result["models_taken"] = counters.models_taken;
+  result["models_refused"] = counters.models_refused;
+  result["basis_waits"] = counters.basis_waits;
+}
+
+nb::dict medium_counters(const link::MediumCounters& counters) {
+  nb::dict result;
+  result["bytes_accepted"] = counters.bytes_accepted;
+  result["bytes_delivered"] = counters.bytes_delivered;
+  result["bytes_dropped"] = counters.bytes_dropped;
+  result["submissions_dropped"] = counters.submissions_dropped;
+  result["busy_ticks"] = counters.busy_ticks;
+  return result;
+}
+
 }  // namespace palpate::python

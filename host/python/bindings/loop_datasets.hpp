@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "host/link/medium.hpp"
 #include "host/session/loop_record.hpp"
 
 namespace palpate::python {
@@ -12,6 +13,8 @@ namespace palpate::python {
 namespace nb = nanobind;
 
 void add_ticks(nb::dict& result, const std::vector<host::LoopTick>& ticks);
+void add_counters(nb::dict& result, const host::LoopCounters& counters);
+nb::dict medium_counters(const link::MediumCounters& counters);
 void add_updates(nb::dict& result, const std::vector<host::UpdateRecord>& updates);
 
 }  // namespace palpate::python

@@ -39,7 +39,3 @@ class History:
         for name, array in arrays.items():
             self._columns[name][self._end : self._end + count] = array[len(array) - count :]
         self._end += count
-
-    def clear(self) -> None:
-        """Forgets all rows."""
-        self._end = 0

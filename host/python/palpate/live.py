@@ -32,12 +32,13 @@ Floats = NDArray[np.float64]
 
 TICK_S = 1e-3
 HISTORY_S = 10.0
+_COUNTED = ("ticks_unseen", *(name for name in record_layout.RUN_COUNTERS if name != "clock_Hz"))
 # Of the hand above the middle of the body's top where a scene has no path.
 _START_ABOVE_M = 0.015
 _SIGN_S = 1.0  # between two looks at the tick, for the watchdog
 COLUMNS = (
     "time_s", "force_normal_N", "force_tangential_N", "cone_N", "contact_mode", "tip_x_m", "tip_y_m", "tip_z_m",
-    "hand_N", "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "absorbed_J", "late_s",
+    "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "absorbed_J", "late_s",
     "took_s",
 )  # fmt: skip
 
@@ -101,7 +102,7 @@ class Live:
         self._board_type = BOARDS[board]
         self._watchdog_s = watchdog_s
         self._recorder: Recorder | None = None
-        self._unseen_before = 0
+        self._before: dict[str, int] = {}  # counters when the recording began
         self._absorbed_J = 0.0
         self._last_tick = -1
         self._last_tip_m: Floats | None = None
@@ -222,14 +223,14 @@ class Live:
         attributes = {"command": "gui", "board": self.board_name}
         self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self.scene.text)
         self.recording, self.recorded_ticks = file, 0
-        self._unseen_before = self.status["ticks_unseen"]
+        self._before = {name: self.status[name] for name in _COUNTED}
 
     def stop_recording(self) -> None:
-        """Closes the file; does nothing where none is open. Its attribute `ticks_unseen`: ticks that are missing because
-        nobody polled for seconds. Raises RecordError where the file could not be written; it is no longer open then."""
+        """Closes the file; does nothing where none is open. Its attributes have what was counted meanwhile, and as
+        `ticks_unseen` the ticks that are missing because nobody polled for seconds. Raises RecordError where the file could not be written; it is no longer open then."""
         recorder, self._recorder, self.recording = self._recorder, None, None
         if recorder is not None:
-            recorder.close({"ticks_unseen": self.status["ticks_unseen"] - self._unseen_before})
+            recorder.close({name: self.status[name] - before for name, before in self._before.items()})
 
     def _wind(self, tick: int) -> None:
         """A tick that does not move is no sign of life, but when the loop is paused."""
@@ -268,7 +269,6 @@ class Live:
             "tip_x_m": tip_m[:, 0],
             "tip_y_m": tip_m[:, 1],
             "tip_z_m": tip_m[:, 2],
-            "hand_N": np.linalg.norm(block["ticks/hand_force_N"], axis=1),
             "tick_count": block["ticks/tick_count"],
             "busy_count": block["ticks/busy_count"],
             "model_age_s": block["ticks/model_age_ticks"] * TICK_S,

@@ -18,6 +18,7 @@ _BLUE, _ORANGE, _GREEN, _GREY, _RED = (
     (0.12, 0.40, 0.80, 1.0), (0.90, 0.45, 0.05, 1.0), (0.10, 0.58, 0.30, 1.0), (0.45, 0.45, 0.45, 1.0),
     (0.80, 0.15, 0.15, 1.0),
 )  # fmt: skip
+_COUNT_us = 0.04  # the emulated boards' clocks have 25 MHz
 _X, _Y = 0, 3  # implot's first axes
 _ALWAYS = 1
 
@@ -111,8 +112,9 @@ def _path(history: History, window_s: float, size: tuple[float, float]) -> None:
 
 def _ticks(history: History, window_s: float, size: tuple[float, float]) -> None:
     if len(history) and history["tick_count"].max() > 0:
-        _lines("tick", "40 ns", history, window_s, size, [
-            ("tick", history["tick_count"], _BLUE), ("with background", history["busy_count"], _GREY),
+        _lines("tick", "us", history, window_s, size, [
+            ("with background", _COUNT_us * history["busy_count"], _GREY),
+            ("tick", _COUNT_us * history["tick_count"], _BLUE),
         ], 100.0)  # fmt: skip
     else:
         _lines("tick", "ms", history, window_s, size, [
