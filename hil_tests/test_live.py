@@ -13,7 +13,8 @@ from palpate import record
 from palpate.hil import BoardError
 from palpate.live import COLUMNS, Live
 from palpate.record import RecordError
-from palpate.scene import SceneError, load_scene
+from palpate.scene import SceneError, load_recorded_scene, load_scene
+from palpate.tip_path import TipPath
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ROOT / "scenes"
@@ -180,3 +181,15 @@ def test_a_recording_that_fails_is_told_and_let_go(tmp_path: Path) -> None:
         live.record(tmp_path / "next.h5")
         wait(live, lambda: live.recorded_ticks > 100)
     assert record.load(tmp_path / "next.h5").closed
+
+
+def test_a_recording_says_that_its_hand_was_a_person(tmp_path: Path) -> None:
+    file = tmp_path / "live.h5"
+    scripted = load_scene(SCENES / "frontier" / "reference.toml", {"path.csv": "poke_0.1mm.csv"})
+    assert scripted.sections.hand.kind == "scripted"
+    with Live(scripted) as live:
+        live.record(file)
+        wait(live, lambda: live.recorded_ticks > 100)
+    kept = record.load(file)
+    path = TipPath(np.zeros(1), kept.values["ticks/true_tip_m"][:1], "linear")
+    assert load_recorded_scene(file, kept.scene_text, {}, path).sections.hand.kind == "impedance"

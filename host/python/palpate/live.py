@@ -26,6 +26,7 @@ from palpate.history import History
 from palpate.paths import cache_folder
 from palpate.recorder import Recorder
 from palpate.scene import Scene, SceneError
+from palpate.scene_overrides import OVERRIDE_COMMENT, exact_override
 from palpate.tip_path import TipPath
 
 Floats = NDArray[np.float64]
@@ -221,9 +222,15 @@ class Live:
         """Begins to record into `file` (docs/records.md). OSError where it cannot be made."""
         self.stop_recording()
         attributes = {"command": "gui", "board": self.board_name}
-        self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self.scene.text)
+        self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self._scene_text())
         self.recording, self.recorded_ticks = file, 0
         self._before = {name: self.status[name] for name in _COUNTED}
+
+    def _scene_text(self) -> str:
+        """As it runs: a script's hand is a person's here."""
+        if self.scene.sections.hand.kind == "impedance":
+            return self.scene.text
+        return f"{self.scene.text}{OVERRIDE_COMMENT}{exact_override('hand.kind', 'impedance')}"
 
     def stop_recording(self) -> None:
         """Closes the file; does nothing where none is open. Its attributes have what was counted meanwhile, and as
