@@ -12,7 +12,11 @@ enum class [[nodiscard]] Status : std::uint8_t{
     frame_too_short = 2,  // fewer bytes than a header and a CRC
     cobs_invalid = 3,     // not a COBS encoding
     header_crc_mismatch = 4, header_version_unknown = 5, payload_crc_mismatch = 6,
-    not_a_single_frame = 7,  // a fragment of a multi-frame transfer: not used on this link
+    not_a_single_frame = 7,   // a fragment of a multi-frame transfer: not used on a serial link
+    can_record_invalid = 8,   // bytes that are no CAN record
+    transfer_incomplete = 9,  // of a transfer in several CAN frames some are missing or do not fit together
+    too_many_transfers = 10,  // more of them at once than the receiver can put together
+    not_for_can = 11,         // a node, subject or service that a CAN identifier cannot name
     // messages
     port_unknown = 16,       // no such subject or service here
     payload_malformed = 17,  // the DSDL decoder refused it

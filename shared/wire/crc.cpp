@@ -19,7 +19,7 @@ constexpr std::array<std::uint32_t, 256> kCrc32cTable = [] {
   return table;
 }();
 
-// Remainders of the 16 values of four bits: headers are 24 bytes, a table of 512 bytes would not pay.
+// Remainders of the 16 values of four bits: two look-ups a byte, and 32 bytes of table in place of 512.
 constexpr std::array<std::uint16_t, 16> kCrc16Table = [] {
   constexpr std::uint32_t kPolynomial = 0x1021u;
   std::array<std::uint16_t, 16> table{};
@@ -34,13 +34,17 @@ constexpr std::array<std::uint16_t, 16> kCrc16Table = [] {
 
 }  // namespace
 
-std::uint16_t crc16(std::span<const std::uint8_t> bytes) {
-  std::uint32_t state = 0xFFFFu;
+std::uint16_t crc16_update(std::uint16_t from, std::span<const std::uint8_t> bytes) {
+  std::uint32_t state = from;
   for (const std::uint8_t byte : bytes) {
     state = (state << 4) ^ kCrc16Table[((state >> 12) ^ (byte >> 4)) & 0xFu];
     state = (state << 4) ^ kCrc16Table[((state >> 12) ^ byte) & 0xFu];
   }
   return static_cast<std::uint16_t>(state & 0xFFFFu);
+}
+
+std::uint16_t crc16(std::span<const std::uint8_t> bytes) {
+  return crc16_update(kCrc16Initial, bytes);
 }
 
 std::uint32_t crc32c_update(std::uint32_t state, std::span<const std::uint8_t> bytes) {

@@ -1,4 +1,4 @@
-// The two checksums of a Cyphal/serial frame.
+// The checksums of Cyphal/serial, Cyphal/CAN and CAN records.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,11 @@
 namespace palpate::wire {
 
 // CRC-16/CCITT-FALSE (polynomial 0x1021, initial 0xFFFF, not reflected, no final xor): guards the frame
-// header. Over data followed by its CRC, high byte first, it is 0. Any context.
+// header of Cyphal/serial, a transfer in several frames of Cyphal/CAN, and a CAN record. Over data followed
+// by its CRC, high byte first, it is 0. crc16_update() carries it from piece to piece, from kCrc16Initial.
+// Any context.
+inline constexpr std::uint16_t kCrc16Initial = 0xFFFFu;
+std::uint16_t crc16_update(std::uint16_t from, std::span<const std::uint8_t> bytes);
 std::uint16_t crc16(std::span<const std::uint8_t> bytes);
 
 // CRC-32C, Castagnoli (polynomial 0x1EDC6F41 reflected, initial and final xor 0xFFFFFFFF): guards the

@@ -4,11 +4,6 @@
 
 namespace palpate::wire {
 
-void FrameDecoder::refuse(Status fault) {
-  ++counters_.faults[static_cast<std::size_t>(fault)];
-  counters_.last_fault = fault;
-}
-
 Status FrameDecoder::finish(Frame& frame) const {
   if (!cobs_.whole()) return Status::cobs_invalid;
   if (length_ < kFrameOverheadBytes) return Status::frame_too_short;
@@ -39,7 +34,7 @@ Reception FrameDecoder::receive(std::span<const std::uint8_t> bytes) {
     if (step.stop == CobsDecoder::Stop::input_end) return reception;
 
     if (step.stop == CobsDecoder::Stop::output_full) {
-      refuse(Status::frame_too_long);
+      counters_.count(Status::frame_too_long);
       skipping_ = true;
     } else if (!cobs_.empty()) {
       const Status status = finish(reception.frame);
@@ -47,7 +42,7 @@ Reception FrameDecoder::receive(std::span<const std::uint8_t> bytes) {
       if (reception.complete) {
         ++counters_.frames;
       } else {
-        refuse(status);
+        counters_.count(status);
       }
     }
     cobs_.reset();

@@ -7,33 +7,12 @@
 #include <cstdint>
 #include <span>
 
-#include "shared/status.hpp"
 #include "shared/wire/cobs.hpp"
 #include "shared/wire/crc.hpp"
 #include "shared/wire/frame.hpp"
+#include "shared/wire/reception.hpp"
 
 namespace palpate::wire {
-
-// What a receiver has seen since it was made.
-struct ReceiverCounters {
-  std::uint32_t frames = 0;  // delivered
-  // By the fault's Status value, frame_too_long to not_a_single_frame; entry 0 stays 0.
-  std::array<std::uint32_t, static_cast<std::size_t>(Status::not_a_single_frame) + 1> faults{};
-  Status last_fault = Status::ok;
-
-  [[nodiscard]] std::uint32_t of(Status fault) const { return faults[static_cast<std::size_t>(fault)]; }
-  [[nodiscard]] std::uint32_t refused() const {
-    std::uint32_t sum = 0;
-    for (const std::uint32_t count : faults) sum += count;
-    return sum;
-  }
-};
-
-struct Reception {
-  std::size_t consumed = 0;  // bytes taken from the front of the input
-  bool complete = false;     // `frame` holds a frame; valid until the next call of receive()
-  Frame frame{};
-};
 
 // Decodes into a buffer that it is given, which bounds header, payload and CRC together. Use FrameReceiver.
 class FrameDecoder {
@@ -49,7 +28,6 @@ class FrameDecoder {
   [[nodiscard]] const ReceiverCounters& counters() const { return counters_; }
 
  private:
-  void refuse(Status fault);
   Status finish(Frame& frame) const;
 
   std::span<std::uint8_t> buffer_;

@@ -13,7 +13,7 @@ TransferKind TransferMonitor::observe(const FrameHeader& header, std::uint32_t n
       if (victim->used && now_tick - entry.last_tick > now_tick - victim->last_tick) victim = &entry;
       continue;
     }
-    const std::uint64_t step = header.transfer_id - entry.last_id;
+    const std::uint64_t step = (header.transfer_id - entry.last_id) & id_mask_;
     if (step == 0 && now_tick - entry.last_tick < kTransferIdTimeout_ticks) {
       ++repeated_;
       return TransferKind::repeat;

@@ -25,6 +25,12 @@ enum class TransferKind : std::uint8_t {
 
 class TransferMonitor {
  public:
+  // `id_bits` (1 to 64): what the medium carries of a transfer identifier; 64 on a serial link, 5 on CAN. Of
+  // losses in a row it can only count what remains modulo 2^id_bits, and a step back is none: a peer that
+  // starts again on CAN seems to have lost up to 30.
+  explicit constexpr TransferMonitor(unsigned id_bits = 64)
+      : id_mask_(~std::uint64_t{0} >> (64u - id_bits)) {}
+
   // Classifies a received frame and counts the transfers of its source and specifier that are missing before
   // it. A step back by more than the last transfer is a peer that started again: fresh, nothing lost.
   // `now_tick` may wrap. Any context, one owner. At most kMonitoredPorts comparisons.
@@ -40,6 +46,7 @@ class TransferMonitor {
     std::uint32_t last_tick = 0;
     std::uint64_t last_id = 0;
   };
+  std::uint64_t id_mask_;
   std::array<Entry, kMonitoredPorts> entries_{};
   std::uint32_t lost_ = 0;
   std::uint32_t repeated_ = 0;

@@ -77,5 +77,23 @@ TEST(TransferMonitor, FullTableForgetsTheOldest) {
   EXPECT_EQ(monitor.lost(), 1u);
 }
 
+// Five bits, as on CAN: the identifier wraps every 32 transfers, and up to 30 missing in a row are counted.
+TEST(TransferMonitor, FiveBitIdentifiersWrap) {
+  constexpr unsigned kIdBits = 5;
+  TransferMonitor monitor(kIdBits);
+  std::uint32_t skipped = 0;
+  std::uint64_t id = 0;
+  for (std::uint64_t gap = 0; gap <= 30; ++gap) {
+    EXPECT_EQ(monitor.observe(transfer(id % 32), 0), TransferKind::fresh);
+    id += gap + 1;
+    skipped += static_cast<std::uint32_t>(gap);
+  }
+  EXPECT_EQ(monitor.observe(transfer(id % 32), 0), TransferKind::fresh);
+  EXPECT_EQ(monitor.lost(), skipped);
+  EXPECT_EQ(monitor.observe(transfer(id % 32), 1), TransferKind::repeat);
+  EXPECT_EQ(monitor.observe(transfer(id % 32), kTransferIdTimeout_ticks), TransferKind::fresh);
+  EXPECT_EQ(monitor.lost(), skipped);
+}
+
 }  // namespace
 }  // namespace palpate::wire
