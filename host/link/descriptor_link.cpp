@@ -3,8 +3,10 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <thread>
 #include <utility>
 
 namespace palpate::link {
@@ -12,6 +14,9 @@ namespace {
 
 // More than any driver hands out at once.
 constexpr std::size_t kChunk_bytes = 16384;
+// Where the device's queue is full (ENOBUFS) nothing tells when it has room again: poll(2) looks at the
+// socket's. A CAN frame takes at least as long on its bus.
+constexpr std::chrono::microseconds kQueueNap{100};
 
 bool is_full(int error) {
   return error == EAGAIN || error == EWOULDBLOCK || error == ENOBUFS;
@@ -59,17 +64,26 @@ bool DescriptorLink::is_end(int error) const {
 }
 
 bool DescriptorLink::write(std::span<const std::uint8_t> frame) {
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point end = Clock::now() + write_patience();
   while (open_ && !frame.empty()) {
     const ssize_t count = put(frame);
     if (count > 0) {
+      end = Clock::now() + write_patience();
       bytes_sent_ += static_cast<std::uint64_t>(count);
       frame = frame.subspan(static_cast<std::size_t>(count));
     } else if (count < 0 && errno == EINTR) {
       continue;
     } else if (count < 0 && is_end(errno)) {
       open_ = false;
-    } else if (!wait_for(descriptor_.get(), POLLOUT, write_patience())) {
-      break;
+    } else {
+      const bool full_queue = errno == ENOBUFS;
+      const auto left = std::chrono::duration_cast<std::chrono::microseconds>(end - Clock::now());
+      if (left <= left.zero()) break;
+      if (full_queue)
+        std::this_thread::sleep_for(std::min(kQueueNap, left));
+      else
+        wait_for(descriptor_.get(), POLLOUT, left);
     }
   }
   if (frame.empty()) return true;

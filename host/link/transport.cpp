@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "host/link/serial_port.hpp"
+#include "host/link/socketcan.hpp"
 #include "host/link/udp_link.hpp"
 
 namespace palpate::link {
@@ -30,6 +31,14 @@ std::unique_ptr<Transport> open_serial_address(std::string_view address, std::st
                           number(address, "baud", rest.substr(comma + 1), 1, UINT32_MAX));
 }
 
+std::unique_ptr<Transport> open_can_address(std::string_view kind, std::string_view rest) {
+  constexpr std::string_view kFd = ",fd";
+  const bool marked = rest.ends_with(kFd);
+  if (marked) rest.remove_suffix(kFd.size());
+  const bool fd = marked || kind == "canfd";
+  return std::make_unique<SocketCan>(std::string(rest), fd ? wire::CanFormat::fd : wire::CanFormat::classic);
+}
+
 }  // namespace
 
 std::unique_ptr<Transport> open_transport(std::string_view address) {
@@ -46,8 +55,10 @@ std::unique_ptr<Transport> open_transport(std::string_view address) {
     return listen_udp(named ? std::string(rest.substr(0, last)) : "0.0.0.0",
                       port_of(address, named ? rest.substr(last + 1) : rest, 0));
   }
+  if ((kind == "can" || kind == "canfd") && !rest.empty()) return open_can_address(kind, rest);
   throw TransportError("link '" + std::string(address) +
-                       "': allowed serial:PATH[,BAUD], udp:HOST:PORT, udp-listen:[HOST:]PORT, pty:");
+                       "': allowed serial:PATH[,BAUD], udp:HOST:PORT, udp-listen:[HOST:]PORT, "
+                       "can:INTERFACE[,fd], canfd:INTERFACE, pty:");
 }
 
 }  // namespace palpate::link

@@ -55,6 +55,8 @@ class Transport {
 //   serial:/dev/ttyACM0[,BAUD]   a serial line or a pseudo-terminal; BAUD 921600 where it is not given
 //   udp:HOST:PORT                a peer that listens there
 //   udp-listen:[HOST:]PORT       waits there for a peer: whoever was heard last is answered
+//   can:INTERFACE                classic CAN (socketcan.hpp): frames of up to 8 bytes
+//   canfd:INTERFACE              CAN FD; can:INTERFACE,fd is the same
 //   pty:                         a new pseudo-terminal for another program; address() then has its path
 // Throws TransportError.
 std::unique_ptr<Transport> open_transport(std::string_view address);

@@ -137,6 +137,9 @@ TEST(Transport, RefusesAddressesByName) {
   has("udp:127.0.0.1:0", "port is '0', allowed 1..65535");
   has("udp:127.0.0.1:x", "port is 'x'");
   has("udp-listen:70000", "allowed 0..65535");
+  has("can:", "allowed serial:PATH");
+  has("canfd:nowhere0", "No such device");
+  has("can:lo", "lo is no CAN interface");
   EXPECT_NE(message_of("serial:/dev/null,fast").find("baud is 'fast'"), std::string::npos);
   EXPECT_NE(message_of("serial:/dev/null,31337").find("baud is 31337, allowed 1200, 2400"),
             std::string::npos);
