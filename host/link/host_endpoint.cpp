@@ -5,10 +5,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "shared/wire/can_frame.hpp"
 #include "shared/wire/tip_trace.hpp"
 
 namespace palpate::link {
 namespace {
+
+// Bits of a specifier (wire/ports.hpp).
+constexpr std::uint16_t kServiceBit = 0x8000u, kRequestBit = 0x4000u;
 
 void check_range(const char* field, std::size_t value, std::size_t least, std::size_t most) {
   if (value < least || value > most)
@@ -57,10 +61,13 @@ std::optional<std::uint64_t> announced_schema_hash(const Incoming& message) {
 }  // namespace
 
 HostEndpoint::HostEndpoint(const EndpointOptions& options)
-    : options_(options), receiver_(std::make_unique<wire::FrameReceiver<kReceiverCapacity>>()) {
-  if (options.node == wire::kBroadcast || options.board == wire::kBroadcast || options.node == options.board)
+    : options_(options), framing_(make_framing(options.framing)), transfers_(framing_->transfer_id_bits()) {
+  const std::uint16_t most =
+      options.framing == FramingKind::serial ? wire::kBroadcast - 1 : wire::kMaxCanNode;
+  if (options.node > most || options.board > most || options.node == options.board)
     throw std::invalid_argument("HostEndpoint: node " + std::to_string(options.node) + " and board " +
-                                std::to_string(options.board) + " must differ and be in 0..65534");
+                                std::to_string(options.board) + " must differ and be in 0.." +
+                                std::to_string(most));
 }
 
 OutgoingFrame HostEndpoint::encode(const palpate_ModelPart_1_0& message) {
@@ -105,19 +112,16 @@ OutgoingFrame HostEndpoint::encode_message(const Message& message) {
 }
 
 OutgoingFrame HostEndpoint::encode_payload(std::uint16_t specifier, std::span<const std::uint8_t> payload) {
-  constexpr std::uint16_t kServiceBit = 0x8000u;
   const bool service = (specifier & kServiceBit) != 0;
   const auto [next, first] = next_transfer_id_.try_emplace(specifier, options_.first_transfer_id);
-  OutgoingFrame frame{.bytes = std::vector<std::uint8_t>(wire::max_frame_bytes(payload.size())),
-                      .transfer_id = next->second++};
   const bool yields = specifier == wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier;
   const wire::Priority messages = yields ? wire::Priority::low : wire::Priority::nominal;
   const wire::FrameHeader header{.priority = service ? wire::Priority::high : messages,
                                  .source = options_.node,
                                  .destination = service ? options_.board : wire::kBroadcast,
                                  .specifier = specifier,
-                                 .transfer_id = frame.transfer_id};
-  frame.bytes.resize(wire::encode_frame(header, payload, frame.bytes));
+                                 .transfer_id = next->second};
+  OutgoingFrame frame{.bytes = framing_->encode(header, payload), .transfer_id = next->second++};
   ++counters_.frames_sent;
   counters_.bytes_sent += frame.bytes.size();
   return frame;
@@ -126,22 +130,33 @@ OutgoingFrame HostEndpoint::encode_payload(std::uint16_t specifier, std::span<co
 std::vector<Incoming> HostEndpoint::receive(std::span<const std::uint8_t> bytes, std::uint32_t tick) {
   counters_.bytes_received += bytes.size();
   std::vector<Incoming> messages;
-  while (!bytes.empty()) {
-    const wire::Reception reception = receiver_->receive(bytes);
+  while (true) {
+    const wire::Reception reception = framing_->receive(bytes, tick);
     bytes = bytes.subspan(reception.consumed);
-    if (reception.complete) take(reception.frame, tick, messages);
+    if (!reception.complete) return messages;
+    take(reception.frame, tick, messages);
   }
-  return messages;
 }
 
-void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vector<Incoming>& messages) {
+std::uint64_t HostEndpoint::request_of(const wire::FrameHeader& response) const {
+  const auto next = next_transfer_id_.find(static_cast<std::uint16_t>(response.specifier | kRequestBit));
+  if (next == next_transfer_id_.end()) return response.transfer_id;
+  const std::uint64_t mask = ~std::uint64_t{0} >> (64 - framing_->transfer_id_bits());
+  const std::uint64_t newest = next->second - 1;
+  return newest - ((newest - response.transfer_id) & mask);
+}
+
+void HostEndpoint::take(wire::Frame frame, std::uint32_t tick, std::vector<Incoming>& messages) {
   if (frame.header.source != options_.board || !wire::addressed_to(frame.header, options_.node)) {
     ++counters_.frames_foreign;
     return;
   }
   if (transfers_.observe(frame.header, tick) == wire::TransferKind::repeat) return;
+  const std::uint16_t specifier = frame.header.specifier;
+  if ((specifier & kServiceBit) != 0 && (specifier & kRequestBit) == 0 && framing_->transfer_id_bits() < 64)
+    frame.header.transfer_id = request_of(frame.header);
   bool decoded = false;
-  switch (frame.header.specifier) {
+  switch (specifier) {
     case wire::MessageTraits<palpate_ServoTrace_1_0>::kSpecifier:
       decoded = decode<palpate_ServoTrace_1_0>(frame, messages);
       break;
@@ -177,8 +192,8 @@ void HostEndpoint::take(const wire::Frame& frame, std::uint32_t tick, std::vecto
 
 EndpointCounters HostEndpoint::counters() const {
   EndpointCounters counters = counters_;
-  counters.frames_received = receiver_->counters().frames;
-  counters.frames_refused = receiver_->counters().refused();
+  counters.frames_received = framing_->counters().frames;
+  counters.frames_refused = framing_->counters().refused();
   counters.frames_lost = transfers_.lost();
   counters.frames_repeated = transfers_.repeated();
   return counters;

@@ -1,4 +1,5 @@
-// The host's end of the link: typed messages to frames, and bytes from the board to typed messages.
+// The host's end of the link: typed messages to frames, and bytes from the board to typed messages. What is
+// called a frame here is a whole transfer; on CAN it may take several frames of the bus.
 #pragma once
 
 #include <cstdint>
@@ -8,13 +9,14 @@
 #include <variant>
 #include <vector>
 
-#include "shared/wire/frame_receiver.hpp"
+#include "host/link/framing.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/reception.hpp"
 #include "shared/wire/transfer_monitor.hpp"
 
 namespace palpate::link {
 
-// One frame as it goes on the wire, both delimiters included.
+// One frame as it goes on the wire: on a serial link both delimiters included, on CAN all its records.
 struct OutgoingFrame {
   std::vector<std::uint8_t> bytes;
   std::uint64_t transfer_id = 0;  // a response carries its request's
@@ -54,14 +56,13 @@ struct EndpointOptions {
   // A host that starts again within 2 s of its last transfers continues their numbers, or the board takes its
   // first ones for repeats (docs/protocol.md).
   std::uint64_t first_transfer_id = 0;
+  FramingKind framing = FramingKind::serial;
 };
 
 // One thread.
 class HostEndpoint {
  public:
-  // Longest payload taken from the board; its present messages have at most wire::kLargestPayloadToHost.
-  static constexpr std::size_t kReceiverCapacity = 8192;
-
+  // Throws std::invalid_argument if node and board are the same, or none that the framing can name.
   explicit HostEndpoint(const EndpointOptions& options = {});
 
   // Encode one frame each; every call is a new transfer. Throw std::invalid_argument, naming field, value and
@@ -80,20 +81,23 @@ class HostEndpoint {
   // Takes bytes as they came, in pieces of any length; returns the messages that they completed, in order.
   // Whatever is wrong is counted and left out; nothing throws. `tick`: now, for telling repeats from a board
   // that started again.
+  // Of a response over CAN, which carries 5 bits of its request's transfer identifier, it is taken for that
+  // of the newest request that it can answer.
   std::vector<Incoming> receive(std::span<const std::uint8_t> bytes, std::uint32_t tick);
 
   [[nodiscard]] EndpointCounters counters() const;
   // Faults by kind (Status).
-  [[nodiscard]] const wire::ReceiverCounters& receiver_counters() const { return receiver_->counters(); }
+  [[nodiscard]] const wire::ReceiverCounters& receiver_counters() const { return framing_->counters(); }
 
  private:
+  [[nodiscard]] std::uint64_t request_of(const wire::FrameHeader& response) const;
   template <class Message>
   OutgoingFrame encode_message(const Message& message);
-  void take(const wire::Frame& frame, std::uint32_t tick, std::vector<Incoming>& messages);
+  void take(wire::Frame frame, std::uint32_t tick, std::vector<Incoming>& messages);
 
   EndpointOptions options_;
   std::map<std::uint16_t, std::uint64_t> next_transfer_id_;  // by specifier
-  std::unique_ptr<wire::FrameReceiver<kReceiverCapacity>> receiver_;
+  std::unique_ptr<Framing> framing_;
   wire::TransferMonitor transfers_;
   EndpointCounters counters_;
 };

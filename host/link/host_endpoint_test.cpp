@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <limits>
 #include <stdexcept>
@@ -9,6 +10,7 @@
 
 #include "host/link/fault_plan.hpp"
 #include "host/link/uart.hpp"
+#include "shared/wire/frame_receiver.hpp"
 
 namespace palpate::link {
 namespace {
@@ -272,6 +274,110 @@ TEST(HostEndpoint, LossesOnTheWayAreCounted) {
   EXPECT_EQ(counters.frames_repeated, 1u);
   EXPECT_EQ(plan.faults_applied(), faults.size());
 }
+
+// Over CAN: the board's side of the transfers.
+class CanHost : public testing::TestWithParam<FramingKind> {
+ protected:
+  template <class Message>
+  Bytes from_board(const Message& message, std::uint64_t transfer_id) {
+    constexpr std::uint16_t kSpecifier = wire::MessageTraits<Message>::kSpecifier;
+    Bytes payload(wire::MessageTraits<Message>::kMaxBytes);
+    std::size_t length = 0;
+    EXPECT_EQ(wire::serialize(message, payload, length), Status::ok);
+    const bool service = kSpecifier >= 0x8000u;
+    return board_->encode({.source = wire::kBoardNode,
+                           .destination = service ? wire::kHostNode : wire::kBroadcast,
+                           .specifier = kSpecifier,
+                           .transfer_id = transfer_id},
+                          std::span(payload).first(length));
+  }
+  // The transfers that the board receives.
+  template <class Message>
+  Message as_board(const Bytes& bytes, wire::FrameHeader& header) {
+    const wire::Reception reception = board_->receive(bytes, 0);
+    Message message{};
+    EXPECT_TRUE(reception.complete);
+    EXPECT_EQ(reception.consumed, bytes.size());
+    header = reception.frame.header;
+    EXPECT_EQ(header.specifier, wire::MessageTraits<Message>::kSpecifier);
+    EXPECT_EQ(wire::deserialize(reception.frame.payload, message), Status::ok);
+    return message;
+  }
+
+  std::unique_ptr<Framing> board_ = make_framing(GetParam());
+};
+
+TEST_P(CanHost, MessagesToTheBoard) {
+  HostEndpoint host({.framing = GetParam()});
+  wire::FrameHeader header;
+  palpate_ModelState_1_0 state{};
+  state.p.count = state.q.count = state.load.count = kMaxModes;
+  state.displacement.count = 3 * kMaxSurfaceNodes;
+  for (std::size_t i = 0; i < kMaxModes; ++i) state.p.elements[i] = static_cast<std::int16_t>(37 * i);
+  for (std::uint64_t id = 0; id < 70; ++id) {
+    const OutgoingFrame frame = host.encode(state);
+    EXPECT_EQ(frame.transfer_id, id);
+    const auto got = as_board<palpate_ModelState_1_0>(frame.bytes, header);
+    EXPECT_EQ(header.transfer_id, id % 32);
+    EXPECT_EQ(header.source, wire::kHostNode);
+    EXPECT_TRUE(std::equal(std::begin(state.p.elements), std::end(state.p.elements), got.p.elements));
+  }
+  const OutgoingFrame command = host.encode(
+      palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 9});
+  EXPECT_EQ(as_board<palpate_Command_Request_1_0>(command.bytes, header)._token, 9u);
+  EXPECT_EQ(header.destination, wire::kBoardNode);
+}
+
+// Losses are counted across the wrap of the identifier's 5 bits.
+TEST_P(CanHost, MessagesFromTheBoardAndLosses) {
+  HostEndpoint host({.framing = GetParam()});
+  std::size_t received = 0, sent = 0;
+  for (std::uint32_t id = 0; id < 199; ++id) {
+    if (id % 7 == 3) continue;
+    ++sent;
+    for (const Incoming& message : host.receive(from_board(trace(id), id), id)) {
+      ++received;
+      EXPECT_EQ(std::get<palpate_ServoTrace_1_0>(message).sequence, id);
+    }
+  }
+  EXPECT_EQ(received, sent);
+  EXPECT_EQ(host.counters().frames_lost, 199 - sent);
+  EXPECT_EQ(host.counters().frames_refused, 0u);
+}
+
+// A response carries 5 bits of its request's identifier; the host knows the rest.
+TEST_P(CanHost, ResponsesAreTakenForTheNewestRequest) {
+  HostEndpoint host({.first_transfer_id = 1000, .framing = GetParam()});
+  const palpate_Command_Request_1_0 command{.action = palpate_Command_Request_1_0_DISARM, ._token = 0};
+  for (std::uint64_t id = 1000; id < 1100; ++id) {
+    const OutgoingFrame request = host.encode(command);
+    ASSERT_EQ(request.transfer_id, id);
+    if (id % 5 != 0) continue;  // the others' responses are lost
+    const auto messages =
+        host.receive(from_board(palpate_Command_Response_1_0{.status = 3, .mode = 0, ._token = 0}, id), 0);
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(std::get<CommandResponse>(messages[0]).transfer_id, id);
+  }
+  // A late one, of a request before the newest.
+  host.encode(command);
+  host.encode(command);
+  const auto late =
+      host.receive(from_board(palpate_Command_Response_1_0{.status = 3, .mode = 0, ._token = 0}, 1100), 0);
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(std::get<CommandResponse>(late[0]).transfer_id, 1100u);
+  // To a request that never was: as it came.
+  const auto info = host.receive(from_board(palpate_GetInfo_Response_1_0{}, 77), 0);
+  ASSERT_EQ(info.size(), 1u);
+  EXPECT_EQ(std::get<InfoResponse>(info[0]).transfer_id, 77u % 32);
+}
+
+TEST_P(CanHost, NodesThatCanCannotNameAreRefused) {
+  EXPECT_THROW(HostEndpoint({.node = 128, .framing = GetParam()}), std::invalid_argument);
+  EXPECT_THROW(HostEndpoint({.board = 128, .framing = GetParam()}), std::invalid_argument);
+}
+
+INSTANTIATE_TEST_SUITE_P(HostEndpoint, CanHost,
+                         testing::Values(FramingKind::can_classic, FramingKind::can_fd));
 
 }  // namespace
 }  // namespace palpate::link

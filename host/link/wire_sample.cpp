@@ -1,7 +1,8 @@
-// wire_sample hash | write | parse: a peer for clients of the wire protocol that are written independently.
+// wire_sample hash | write FRAMING | parse FRAMING: a peer for clients of the wire protocol that are written
+// independently. FRAMING: serial, can_classic or can_fd.
 //   hash   prints the schema hash, hexadecimal
-//   write  writes one frame of each message to standard output; the values are those of sample_*() below
-//   parse  reads bytes from standard input; prints one JSON object a frame, then one with the receiver's
+//   write  writes one transfer of each message to standard output; the values are those of sample_*() below
+//   parse  reads bytes from standard input; prints one JSON object a transfer, then one with the receiver's
 //   counters
 
 #include <algorithm>
@@ -10,12 +11,13 @@
 #include <cstring>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "host/link/framing.hpp"
 #include "host/link/host_endpoint.hpp"
-#include "shared/wire/frame.hpp"
 #include "shared/wire/tip_trace.hpp"
 
 namespace {
@@ -28,18 +30,17 @@ void write(std::span<const std::uint8_t> bytes) {
 
 // A frame as the board sends it.
 template <class Message>
-void write_from_board(const Message& message, std::uint16_t destination, std::uint64_t transfer_id) {
+void write_from_board(const link::Framing& framing, const Message& message, std::uint16_t destination,
+                      std::uint64_t transfer_id) {
   std::vector<std::uint8_t> payload(wire::MessageTraits<Message>::kMaxBytes);
   std::size_t length = 0;
   if (wire::serialize(message, payload, length) != Status::ok) std::abort();
-  std::vector<std::uint8_t> frame(wire::max_frame_bytes(length));
-  frame.resize(wire::encode_frame({.priority = wire::Priority::nominal,
-                                   .source = wire::kBoardNode,
-                                   .destination = destination,
-                                   .specifier = wire::MessageTraits<Message>::kSpecifier,
-                                   .transfer_id = transfer_id},
-                                  std::span(payload).first(length), frame));
-  write(frame);
+  write(framing.encode({.priority = wire::Priority::nominal,
+                        .source = wire::kBoardNode,
+                        .destination = destination,
+                        .specifier = wire::MessageTraits<Message>::kSpecifier,
+                        .transfer_id = transfer_id},
+                       std::span(payload).first(length)));
 }
 
 palpate_ServoTrace_1_0 sample_trace() {
@@ -129,18 +130,21 @@ palpate_GetInfo_Response_1_0 sample_info() {
   return info;
 }
 
-void write_samples() {
-  link::HostEndpoint host;
-  write_from_board(sample_trace(), wire::kBroadcast, 3);
-  write_from_board(sample_tip_trace(), wire::kBroadcast, 5);
-  write_from_board(sample_status(), wire::kBroadcast, 4);
+void write_samples(link::FramingKind kind) {
+  link::HostEndpoint host({.framing = kind});
+  const std::unique_ptr<link::Framing> board = link::make_framing(kind);
+  write_from_board(*board, sample_trace(), wire::kBroadcast, 3);
+  write_from_board(*board, sample_tip_trace(), wire::kBroadcast, 5);
+  write_from_board(*board, sample_status(), wire::kBroadcast, 4);
   write_from_board(
+      *board,
       palpate_ModelReport_1_0{
           .sequence = 5, .status = 0, .model_tick = 990, .swap_tick = 1010, .correction_energy_J = -0.125f},
       wire::kBroadcast, 6);
-  write_from_board(palpate_Command_Response_1_0{.status = 0, .mode = 1, ._token = 77}, wire::kHostNode, 0);
-  write_from_board(sample_info(), wire::kHostNode, 0);
-  write_from_board(sample_basis_report(), wire::kBroadcast, 2);
+  write_from_board(*board, palpate_Command_Response_1_0{.status = 0, .mode = 1, ._token = 77},
+                   wire::kHostNode, 0);
+  write_from_board(*board, sample_info(), wire::kHostNode, 0);
+  write_from_board(*board, sample_basis_report(), wire::kBroadcast, 2);
   write(host.encode(sample_state()).bytes);
   write(host.encode(sample_part()).bytes);
   write(
@@ -199,16 +203,17 @@ void print(const wire::Frame& frame) {
       hex(frame.payload).c_str(), decoded.c_str());
 }
 
-void parse_input() {
-  const auto receiver = std::make_unique<wire::FrameReceiver<wire::kLargestPayloadToBoard>>();
+void parse_input(link::FramingKind kind) {
+  const std::unique_ptr<link::Framing> receiver = link::make_framing(kind);
   std::array<std::uint8_t, 4096> buffer{};
   for (std::size_t got = 1; got != 0;) {
     got = std::fread(buffer.data(), 1, buffer.size(), stdin);
     std::span<const std::uint8_t> bytes = std::span<const std::uint8_t>(buffer).first(got);
-    while (!bytes.empty()) {
-      const wire::Reception reception = receiver->receive(bytes);
+    while (true) {
+      const wire::Reception reception = receiver->receive(bytes, 0);
       bytes = bytes.subspan(reception.consumed);
-      if (reception.complete) print(reception.frame);
+      if (!reception.complete) break;
+      print(reception.frame);
     }
   }
   std::printf("{\"frames\": %u, \"refused\": %u}\n", receiver->counters().frames,
@@ -218,15 +223,22 @@ void parse_input() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string_view command = argc == 2 ? argv[1] : "";
-  if (command == "hash") {
+  const std::string_view command = argc >= 2 ? argv[1] : "", framing = argc == 3 ? argv[2] : "";
+  std::optional<link::FramingKind> kind;
+  if (framing == "serial") kind = link::FramingKind::serial;
+  if (framing == "can_classic") kind = link::FramingKind::can_classic;
+  if (framing == "can_fd") kind = link::FramingKind::can_fd;
+  if (command == "hash" && argc == 2) {
     std::printf("%016llx\n", static_cast<unsigned long long>(wire::kSchemaHash));
-  } else if (command == "write") {
-    write_samples();
-  } else if (command == "parse") {
-    parse_input();
+  } else if (command == "write" && kind) {
+    write_samples(*kind);
+  } else if (command == "parse" && kind) {
+    parse_input(*kind);
   } else {
-    std::fputs("usage: wire_sample hash | write | parse\n", stderr);
+    std::fputs(
+        "usage: wire_sample hash | write FRAMING | parse FRAMING\n"
+        "FRAMING: serial, can_classic or can_fd\n",
+        stderr);
     return 2;
   }
   return 0;
