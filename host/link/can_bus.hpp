@@ -1,0 +1,98 @@
+// A CAN bus in virtual time, between host and board: one bus that both directions share, frame by frame.
+// Bytes are CAN records (shared/wire/can_record.hpp).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "host/link/can_cost.hpp"
+#include "host/link/medium.hpp"
+#include "shared/wire/can_record.hpp"
+
+namespace palpate::link {
+
+// A frame takes can_frame_s(), the longest that it may: with all stuff bits. When the bus is free, the frame
+// with the least identifier of all that wait goes next, of equal ones the oldest; a frame on its way is not
+// interrupted. That is a bus whose controllers hold all that waits sorted by identifier, as Cyphal asks of
+// them. No frame is damaged, and nobody else is on the bus.
+//
+// The ticks given to either direction never decrease, those of both taken together. What is handed over at a
+// tick competes with all else of that tick, in whatever order the calls came. One thread.
+class MeteredCanBus {
+ public:
+  // `queue_limit_bytes`: most bytes that may wait for their arrival, of each direction. Throws
+  // std::invalid_argument if a bit time is not positive, or the limit is 0.
+  explicit MeteredCanBus(const CanBus& bus, std::size_t queue_limit_bytes = 1u << 20);
+  MeteredCanBus(const MeteredCanBus&) = delete;
+  MeteredCanBus& operator=(const MeteredCanBus&) = delete;
+
+  // A submission need not end with a whole record: the rest of it may come with the next one. Bytes that are
+  // no record, and frames in FD format on a classic bus, are dropped and counted.
+  Medium& down() { return down_; }  // host to board
+  Medium& up() { return up_; }      // board to host
+
+ private:
+  static constexpr std::size_t kDirections = 2;
+
+  class Direction final : public Medium {
+   public:
+    Direction(MeteredCanBus& bus, std::size_t index) : bus_(bus), index_(index) {}
+    bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override {
+      return bus_.submit(index_, bytes, tick);
+    }
+    std::vector<std::uint8_t> deliver(std::uint32_t tick) override { return bus_.deliver(index_, tick); }
+    [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override {
+      return bus_.backlog_bytes(index_, tick);
+    }
+    // With full frames, when the other direction is silent.
+    [[nodiscard]] double bytes_per_tick() const override { return bus_.bytes_per_tick(); }
+    [[nodiscard]] MediumCounters counters() const override { return bus_.counters(index_); }
+
+   private:
+    MeteredCanBus& bus_;
+    std::size_t index_;
+  };
+
+  struct Record {
+    std::size_t direction = 0;
+    std::uint64_t submitted_ns = 0;
+    std::uint64_t duration_ns = 0;
+    std::uint64_t end_ns = 0;  // of its time on the bus
+    std::vector<std::uint8_t> bytes;
+  };
+  struct State {
+    std::map<std::pair<std::uint32_t, std::uint64_t>, Record> waiting;  // by identifier, then by age
+    std::array<std::deque<Record>, kDirections> sent;                   // not delivered
+    std::uint64_t free_at_ns = 0;
+    std::uint64_t now_ns = 0;
+    // Sends what goes out before `now_ns`.
+    void advance(std::uint64_t to_ns);
+    [[nodiscard]] std::size_t backlog_bytes(std::size_t direction) const;
+  };
+  void advance(std::uint32_t tick);
+  bool submit(std::size_t direction, std::span<const std::uint8_t> bytes, std::uint32_t tick);
+  std::vector<std::uint8_t> deliver(std::size_t direction, std::uint32_t tick);
+  [[nodiscard]] std::size_t backlog_bytes(std::size_t direction, std::uint32_t tick) const;
+  [[nodiscard]] double bytes_per_tick() const;
+  [[nodiscard]] MediumCounters counters(std::size_t direction) const;
+
+  CanBus bus_;
+  std::size_t queue_limit_bytes_;
+  State state_;
+  std::uint64_t records_ = 0;
+  struct Side {
+    wire::CanRecordReader reader;
+    std::uint64_t bytes_accepted = 0, bytes_delivered = 0, bytes_dropped = 0, submissions_dropped = 0;
+    std::uint64_t busy_ns = 0;
+  };
+  std::array<Side, kDirections> sides_;
+  Direction down_{*this, 0}, up_{*this, 1};
+};
+
+}  // namespace palpate::link
