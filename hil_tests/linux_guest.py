@@ -127,11 +127,11 @@ def _write_initial_file_system(file: pathlib.Path, modules: Sequence[str]) -> No
 
 
 @contextlib.contextmanager
-def usb_port(folder: pathlib.Path) -> Iterator[socket.socket]:
+def usb_port() -> Iterator[socket.socket]:
     """A socket on which a guest's USB port will listen: a device that connects to it is plugged in, one that
     disconnects is pulled out (usb_redir.py)."""
     with socket.socket(socket.AF_UNIX) as port:
-        port.bind(str(folder / "usb_port"))
+        port.bind("")  # the kernel gives it a name that is no file's
         port.listen(1)
         yield port
 

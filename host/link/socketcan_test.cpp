@@ -3,103 +3,30 @@
 #include "host/link/socketcan.hpp"
 
 #include <gtest/gtest.h>
-#include <linux/can/raw.h>
-#include <net/if.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <numeric>
 #include <stdexcept>
 #include <thread>
 
-#include "shared/wire/can_record.hpp"
+#include "host/link/can_testing.hpp"
 
 namespace palpate::link {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using testing::Bytes;
+using testing::counting;
+using testing::kPatience;
+using testing::message_of;
+using testing::PlainSocket;
+using testing::read_all;
+using testing::record;
 
-// Far beyond what any machine needs: only a broken link takes that long.
-constexpr std::chrono::seconds kPatience{20};
-
-Bytes record(std::uint32_t identifier, const Bytes& data, bool fd) {
-  Bytes bytes(wire::kMaxCanRecordBytes);
-  bytes.resize(wire::write_can_record({.identifier = identifier, .fd = fd, .data = data}, bytes));
-  EXPECT_FALSE(bytes.empty());
-  return bytes;
-}
-
-Bytes counting(std::size_t count, std::uint8_t first = 0) {
-  Bytes bytes(count);
-  std::iota(bytes.begin(), bytes.end(), first);
-  return bytes;
-}
-
-Bytes read_all(Transport& link, std::size_t count) {
-  Bytes all;
-  while (all.size() < count) {
-    const Bytes some = link.read(kPatience);
-    if (some.empty()) break;
-    all.insert(all.end(), some.begin(), some.end());
-  }
-  return all;
-}
-
-std::string message_of(const std::string& address) {
-  try {
-    open_transport(address);
-  } catch (const TransportError& error) {
-    return error.what();
-  }
-  return "";
-}
-
-class SocketCanTest : public testing::Test {
+class SocketCanTest : public testing::OnInterface {
  protected:
-  void SetUp() override {
-    if (interface().empty()) GTEST_SKIP() << "PALPATE_TEST_CAN names no CAN interface";
-  }
-  static std::string interface() {
-    const char* name = std::getenv("PALPATE_TEST_CAN");
-    return name == nullptr ? "" : name;
-  }
+  SocketCanTest() : OnInterface("PALPATE_TEST_CAN") {}
   static void shell(const std::string& command) { ASSERT_EQ(std::system(command.c_str()), 0) << command; }
-};
-
-// As any other program on the bus sees it: the kernel's own structs, no code of ours.
-class PlainSocket {
- public:
-  explicit PlainSocket(const std::string& interface)
-      : descriptor_(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW)) {
-    const int on = 1;
-    sockaddr_can where{};
-    where.can_family = AF_CAN;
-    where.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
-    EXPECT_EQ(::setsockopt(descriptor_.get(), SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on), 0);
-    EXPECT_EQ(::bind(descriptor_.get(), reinterpret_cast<const sockaddr*>(&where), sizeof where), 0);
-  }
-  void send(canid_t identifier, const Bytes& data, bool fd) {
-    canfd_frame frame{};
-    frame.can_id = identifier;
-    frame.len = static_cast<std::uint8_t>(data.size());
-    std::copy(data.begin(), data.end(), frame.data);
-    const std::size_t size = fd ? CANFD_MTU : CAN_MTU;
-    EXPECT_EQ(::write(descriptor_.get(), &frame, size), static_cast<ssize_t>(size));
-  }
-  // The next frame; its size is what the kernel says, 16 or 72.
-  canfd_frame receive(ssize_t& size) {
-    canfd_frame frame{};
-    size =
-        wait_for(descriptor_.get(), POLLIN, kPatience) ? ::read(descriptor_.get(), &frame, sizeof frame) : 0;
-    return frame;
-  }
-
- private:
-  Descriptor descriptor_;
 };
 
 TEST_F(SocketCanTest, FramesOfEveryLengthCrossAsTheyAre) {

@@ -6,6 +6,7 @@
 #include "host/link/serial_port.hpp"
 #include "host/link/socketcan.hpp"
 #include "host/link/udp_link.hpp"
+#include "host/link/usb_link.hpp"
 
 namespace palpate::link {
 namespace {
@@ -56,9 +57,10 @@ std::unique_ptr<Transport> open_transport(std::string_view address) {
                       port_of(address, named ? rest.substr(last + 1) : rest, 0));
   }
   if ((kind == "can" || kind == "canfd") && !rest.empty()) return open_can_address(kind, rest);
+  if (kind == "usb" && !rest.empty()) return open_usb(parse_usb_address(rest));
   throw TransportError("link '" + std::string(address) +
                        "': allowed serial:PATH[,BAUD], udp:HOST:PORT, udp-listen:[HOST:]PORT, "
-                       "can:INTERFACE[,fd], canfd:INTERFACE, pty:");
+                       "can:INTERFACE[,fd], canfd:INTERFACE, usb:VID:PID[,SERIAL], pty:");
 }
 
 }  // namespace palpate::link

@@ -57,6 +57,7 @@ class Transport {
 //   udp-listen:[HOST:]PORT       waits there for a peer: whoever was heard last is answered
 //   can:INTERFACE                classic CAN (socketcan.hpp): frames of up to 8 bytes
 //   canfd:INTERFACE              CAN FD; can:INTERFACE,fd is the same
+//   usb:VID:PID[,SERIAL]         a USB device's own interface (usb_link.hpp), by its identifiers
 //   pty:                         a new pseudo-terminal for another program; address() then has its path
 // Throws TransportError.
 std::unique_ptr<Transport> open_transport(std::string_view address);

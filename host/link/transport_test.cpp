@@ -3,42 +3,21 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <numeric>
-
+#include "host/link/link_testing.hpp"
 #include "host/link/serial_port.hpp"
 
 namespace palpate::link {
 namespace {
 
 using std::chrono::seconds;
-using Bytes = std::vector<std::uint8_t>;
-
-// Far beyond what any machine needs: only a broken link takes that long.
-constexpr seconds kPatience{20};
+using testing::Bytes;
+using testing::counting;
+using testing::kPatience;
+using testing::message_of;
+using testing::read_all;
 
 Bytes every_byte() {
-  Bytes bytes(256);
-  std::iota(bytes.begin(), bytes.end(), std::uint8_t{0});
-  return bytes;
-}
-
-Bytes read_all(Transport& link, std::size_t count) {
-  Bytes all;
-  while (all.size() < count) {
-    const Bytes some = link.read(kPatience);
-    if (some.empty()) break;
-    all.insert(all.end(), some.begin(), some.end());
-  }
-  return all;
-}
-
-std::string message_of(std::string_view address) {
-  try {
-    open_transport(address);
-  } catch (const TransportError& error) {
-    return error.what();
-  }
-  return "";
+  return counting(256);
 }
 
 void expect_both_ways(Transport& a, Transport& b) {
@@ -137,6 +116,10 @@ TEST(Transport, RefusesAddressesByName) {
   has("udp:127.0.0.1:0", "port is '0', allowed 1..65535");
   has("udp:127.0.0.1:x", "port is 'x'");
   has("udp-listen:70000", "allowed 0..65535");
+  has("usb:", "allowed serial:PATH");
+  has("usb:1209", "allowed usb:VID:PID[,SERIAL]");
+  has("usb:1209:1", "PID is '1', allowed 4 hexadecimal digits");
+  has("usb:12g9:0001", "VID is '12g9', allowed 4 hexadecimal digits");
   has("can:", "allowed serial:PATH");
   has("canfd:nowhere0", "No such device");
   has("can:lo", "lo is no CAN interface");
