@@ -14,13 +14,27 @@ if(CMAKE_CROSSCOMPILING)
   include(${CMAKE_CURRENT_LIST_DIR}/bare_metal.cmake)
 endif()
 
-# palpate_test(NAME LIBS lib... SOURCES file...): a GoogleTest program beside its sources, registered with ctest.
+# All test programs, and nothing that they do not need.
+add_custom_target(palpate_tests)
+if(NOT CMAKE_CROSSCOMPILING)
+  add_library(palpate_no_threads OBJECT ${CMAKE_CURRENT_LIST_DIR}/no_threads.cpp)
+  target_link_libraries(palpate_no_threads PRIVATE palpate_options)
+  set_target_properties(palpate_no_threads PROPERTIES EXCLUDE_FROM_ALL TRUE)
+endif()
+
+# palpate_test(NAME [THREADS] LIBS lib... SOURCES file...): a GoogleTest program beside its sources, registered with ctest.
+# THREADS: its tests start threads, and ThreadSanitizer runs them (PALPATE_TESTS_WITH_THREADS_ONLY); in a program
+# without it, a thread is an error (no_threads.cpp).
 function(palpate_test name)
-  cmake_parse_arguments(arg "" "" "LIBS;SOURCES" ${ARGN})
-  if(CMAKE_CROSSCOMPILING OR NOT PALPATE_TESTS)
+  cmake_parse_arguments(arg "THREADS" "" "LIBS;SOURCES" ${ARGN})
+  if(CMAKE_CROSSCOMPILING OR NOT PALPATE_TESTS OR (PALPATE_TESTS_WITH_THREADS_ONLY AND NOT arg_THREADS))
     return()
+  endif()
+  if(NOT arg_THREADS)
+    list(APPEND arg_SOURCES $<TARGET_OBJECTS:palpate_no_threads>)
   endif()
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE ${arg_LIBS} palpate_options GTest::gtest GTest::gtest_main Threads::Threads)
+  add_dependencies(palpate_tests ${name})
   add_test(NAME ${name} COMMAND ${name})
 endfunction()

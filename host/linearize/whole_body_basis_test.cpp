@@ -8,7 +8,6 @@
 #include <complex>
 #include <numbers>
 #include <stdexcept>
-#include <thread>
 #include <vector>
 
 #include "host/msd/tangent.hpp"
@@ -159,35 +158,6 @@ TEST_F(WholeBody, RefusesWhatHasNoAnswer) {
   EXPECT_THROW(WholeBodyReduction(body_, {20.0, 20.0}), std::invalid_argument);
   EXPECT_THROW(WholeBodyReduction(body_, Shifts({0.0}, {30.0, 20.0})), std::invalid_argument);
   EXPECT_THROW(WholeBodyReduction(body_, {std::nan("")}), std::invalid_argument);
-}
-
-// Sessions of one process share BLAS, which may be built for one thread (blas_lock.hpp).
-TEST(WholeBodyBasis, IsTheSameInSeveralThreadsAtATime) {
-#ifdef __SANITIZE_THREAD__
-  GTEST_SKIP() << "the thread sanitizer does not see how CHOLMOD and libgomp synchronize their own threads";
-#endif
-  const Body body = make_lattice(test::reference_spec(8));
-  std::vector<int> nodes;
-  for (const int i : {3, 4})
-    for (const int j : {3, 4}) nodes.push_back(body.lattice()->node(i, j, 7));
-  const Shifts shifts({0.0}, {k20Hz_rad_s});
-  const Eigen::MatrixXd alone = WholeBodyReduction(body, shifts).reduce(nodes).basis_1_sqrt_kg;
-  constexpr int kThreads = 4, kRounds = 5;
-  std::vector<int> same(kThreads);
-  std::vector<std::thread> threads;
-  for (int& count : same) {
-    threads.emplace_back([&body, &nodes, &shifts, &alone, &count] {
-      for (int round = 0; round < kRounds; ++round) {
-        try {
-          const Eigen::MatrixXd basis = WholeBodyReduction(body, shifts).reduce(nodes).basis_1_sqrt_kg;
-          count += basis.rows() == alone.rows() && basis.cols() == alone.cols() && basis == alone;
-        } catch (const std::invalid_argument&) {
-        }
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
-  for (const int count : same) EXPECT_EQ(count, kRounds);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 """`palpate test`: nothing is lost when tests are counted."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO
@@ -7,6 +8,7 @@ from typing import IO
 import pytest
 
 from palpate import testing
+from palpate.paths import ROOT
 from palpate.testing import Count, Stage, count_ctest, count_junit
 
 PYTEST = """<testsuites><testsuite>
@@ -121,6 +123,15 @@ def test_quick_is_a_part_of_all() -> None:
     full = [stage.name for stage in testing.stages(quick=False)]
     assert full[: len(quick)] == quick
     assert {"ctest host-asan", "ctest host-tsan", "clang-tidy"} <= set(full)
+
+
+def test_threads_are_started_where_the_tests_notice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(testing, "ROOT", ROOT)
+    # boards/cmake/no_threads.cpp sees what C++'s own library starts: there must be nothing else that does.
+    others = re.compile(r"pthread_create|thrd_create|#\s*pragma\s+omp|std::execution")
+    sources = testing._sources((".hpp", ".cpp", ".h", ".c"))
+    assert len(sources) > 300
+    assert [file for file in sources if others.search((ROOT / file).read_text())] == []
 
 
 def test_commands_that_fail_or_do_not_exist(tmp_path: Path) -> None:
