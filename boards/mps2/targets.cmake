@@ -7,7 +7,7 @@ configure_file(${_mps2}/link.ld.in ${_script} @ONLY)
 add_library(palpate_mps2 OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp)
 target_include_directories(palpate_mps2 PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 target_compile_definitions(palpate_mps2 PRIVATE PALPATE_VERSION="${PROJECT_VERSION}")
-target_link_libraries(palpate_mps2 PUBLIC palpate_firmware)
+target_link_libraries(palpate_mps2 PUBLIC palpate_endpoint_${PALPATE_LINK})
 
 add_executable(palpate_${PALPATE_BOARD})
 set_target_properties(palpate_${PALPATE_BOARD} PROPERTIES SUFFIX .elf LINKER_LANGUAGE CXX)
@@ -17,7 +17,7 @@ palpate_check_image(palpate_${PALPATE_BOARD}
   FLASH ${PALPATE_FLASH_BYTES} RAM ${PALPATE_RAM_BYTES}
   # Entry functions by priority: each may interrupt those before it.
   CONTEXTS start_up uart1_receive_handler timer0_handler report_hard_fault
-  OBJECTS palpate_mps2 palpate_firmware palpate_shared)
+  OBJECTS palpate_mps2 palpate_endpoint_${PALPATE_LINK} palpate_firmware palpate_shared)
 
 # palpate_mps2_program(NAME SOURCE LIBRARY): an image of its own, NAME_BOARD.elf, that runs without interrupts.
 function(palpate_mps2_program name source library)

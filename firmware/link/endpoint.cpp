@@ -46,10 +46,11 @@ void Endpoint::receive() {
   for (std::size_t i = 0; i < kLinkReceiveCapacity / kChunk; ++i) {
     std::span<const std::uint8_t> bytes(chunk.data(), link_.received.read(chunk));
     if (bytes.empty()) return;
-    while (!bytes.empty()) {
-      const wire::Reception reception = receiver_.receive(bytes);
+    for (bool more = true; more;) {
+      const wire::Reception reception = framing_.receive(bytes, servo_.next_tick());
+      more = reception.complete;
       bytes = bytes.subspan(reception.consumed);
-      const wire::ReceiverCounters& seen = receiver_.counters();
+      const wire::ReceiverCounters& seen = framing_.counters();
       if (seen.refused() != faults_seen_) {
         faults_seen_ = seen.refused();
         counters_.last_status = seen.last_fault;
@@ -185,7 +186,7 @@ void Endpoint::send_replies() {
 void Endpoint::send_status() {
   StatusSnapshot snapshot;
   while (mailbox_.status.pop(snapshot)) {
-    const wire::ReceiverCounters& received = receiver_.counters();
+    const wire::ReceiverCounters& received = framing_.counters();
     palpate_BoardStatus_1_0 message{};
     message.sequence = status_sequence_++;
     message.schema_hash = wire::kSchemaHash;
@@ -256,7 +257,7 @@ void Endpoint::send_traces() {
 void Endpoint::resend_traces() {
   if (request_count_ == 0) return;
   constexpr std::uint32_t kMostTicks = wire::kMaxTraceTicks;
-  if (link_.transmit.free() < frame_.size() + kResendReserve) return;
+  if (link_.transmit.free() < LinkFraming::kLargestSent + kResendReserve) return;
   TickRange& request = requests_.front();
   // Ticks that have not happened, or are forgotten, are passed over: the request says "as far as the history
   // reaches".
@@ -282,11 +283,9 @@ void Endpoint::refuse(Status status) {
 template <class Message>
 bool Endpoint::send(const Message& message, const wire::FrameHeader& header) {
   std::size_t length = 0;
-  std::size_t frame_length = 0;
-  if (wire::serialize(message, payload_, length) == Status::ok) {
-    frame_length = wire::encode_frame(header, std::span(payload_).first(length), frame_);
-  }
-  if (frame_length != 0 && link_.transmit.write(std::span(frame_).first(frame_length))) return true;
+  if (wire::serialize(message, payload_, length) == Status::ok &&
+      framing_.send(header, std::span(payload_).first(length), link_.transmit))
+    return true;
   ++counters_.frames_unsent;
   return false;
 }

@@ -10,8 +10,8 @@
 #include "firmware/core/mailbox.hpp"
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/servo.hpp"
+#include "firmware/link/framing.hpp"
 #include "firmware/ports/ports.hpp"
-#include "shared/wire/frame_receiver.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/tip_trace.hpp"
 #include "shared/wire/transfer_monitor.hpp"
@@ -90,8 +90,8 @@ class Endpoint {
   BoardIdentity identity_;
   std::uint32_t clock_Hz_;
 
-  wire::FrameReceiver<wire::kLargestPayloadToBoard> receiver_;
-  wire::TransferMonitor transfers_;
+  LinkFraming framing_;
+  wire::TransferMonitor transfers_{LinkFraming::kTransferIdBits};
   Counters counters_{};
   std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of
 
@@ -116,7 +116,6 @@ class Endpoint {
     palpate_TipTrace_1_0 tip_trace_;
   };
   std::array<std::uint8_t, kLargestPayload> payload_{};
-  std::array<std::uint8_t, wire::max_frame_bytes(kLargestPayload)> frame_{};
 };
 
 }  // namespace palpate::firmware

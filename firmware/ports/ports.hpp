@@ -71,7 +71,11 @@ concept ClockPort = requires(const B& board) {
 // The byte link to the host: two rings, and a hint. The board's driver produces into `received` and consumes
 // from `transmit`; the firmware's background does the opposite. Bytes that do not fit in `received` are the
 // driver's to drop: the framing above notices.
-inline constexpr std::uint32_t kLinkReceiveCapacity = 4096;   // two ticks of 12 Mbaud
+#ifndef PALPATE_LINK_RECEIVE_BYTES
+#define PALPATE_LINK_RECEIVE_BYTES 4096
+#endif
+// 4,096 are two ticks of 12 Mbaud.
+inline constexpr std::uint32_t kLinkReceiveCapacity = PALPATE_LINK_RECEIVE_BYTES;
 inline constexpr std::uint32_t kLinkTransmitCapacity = 4096;  // about 25 traces of 4 ticks
 struct LinkBuffers {
   SpscRing<std::uint8_t, kLinkReceiveCapacity> received;

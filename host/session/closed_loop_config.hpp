@@ -7,6 +7,7 @@
 
 #include "firmware/core/renderer.hpp"
 #include "host/link/fault_plan.hpp"
+#include "host/link/framing.hpp"
 #include "host/session/session.hpp"
 #include "host/session/trace_choice.hpp"
 
@@ -26,6 +27,8 @@ struct ClosedLoopConfig {
   // delay at the earliest: for loops in real time, never for results to be repeated.
   bool session_beside = false;
   TraceWish trace{};  // what the board is asked to send of its ticks
+  link::FramingKind framing =
+      link::FramingKind::serial;  // the board's; faults on the link are serial frames'
   firmware::CatchUpPolicy catch_up_policy = firmware::kCatchUpCortexM4;  // the board's
   SessionConfig session{};
   std::vector<GripChange> grip_changes;  // increasing ticks

@@ -19,6 +19,7 @@ constexpr std::size_t kMostActions = 16;
 
 LoopHost::LoopHost(const Body& body, const BodyState& start, const ClosedLoopConfig& config)
     : config_(config),
+      endpoint_({.framing = config.framing}),
       arming_(config.arms_by_itself),
       traces_(config.trace),
       session_(body, start, config.session) {

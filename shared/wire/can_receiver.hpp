@@ -2,6 +2,7 @@
 // arbitration of a bus makes them. A fault costs the transfer that it hits and is counted.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -17,6 +18,17 @@ namespace palpate::wire {
 inline constexpr std::uint32_t kCanTransferTimeout_ticks = 2000;
 // What a buffer holds beyond the payload: CRC, and the zeros that pad an FD frame (48 bytes to 64).
 inline constexpr std::size_t kCanReassemblyOverheadBytes = kCanTransferCrcBytes + 15;
+
+// Room for a transfer in several frames.
+inline constexpr std::uint16_t kAnySpecifier = 0xFFFF;  // none that CAN can name
+struct CanRoom {
+  std::uint16_t capacity = 0;               // bytes of payload
+  std::uint16_t specifier = kAnySpecifier;  // kept for transfers under this one
+};
+// Bytes of buffer for it: parts begin where 8-byte numbers may.
+constexpr std::size_t can_room_bytes(const CanRoom& room) {
+  return (room.capacity + kCanReassemblyOverheadBytes + 7) / 8 * 8;
+}
 
 // A transfer in several frames, as far as it has come.
 struct CanReassembly {
@@ -39,11 +51,11 @@ struct CanReassembly {
 // Works in the memory that it is given. Use CanReceiver.
 class CanDecoder {
  public:
-  // Each entry of `transfers` has its part of `buffer`, of `bytes_each`. `node`: transfers to another one are
-  // passed over; kBroadcast takes all.
-  CanDecoder(std::span<CanReassembly> transfers, std::span<std::uint8_t> buffer, std::size_t bytes_each,
-             std::uint16_t node)
-      : transfers_(transfers), buffer_(buffer), bytes_each_(bytes_each), node_(node) {}
+  // As many entries in `transfers` as in `rooms`; `buffer` of all can_room_bytes() together. `node`:
+  // transfers to another one are passed over; kBroadcast takes all.
+  CanDecoder(std::span<const CanRoom> rooms, std::span<CanReassembly> transfers,
+             std::span<std::uint8_t> buffer, std::uint16_t node)
+      : rooms_(rooms), transfers_(transfers), buffer_(buffer), node_(node) {}
   CanDecoder(const CanDecoder&) = delete;
   CanDecoder& operator=(const CanDecoder&) = delete;
 
@@ -59,13 +71,16 @@ class CanDecoder {
   // A frame taken apart.
   struct Part {
     std::uint32_t identifier = 0;
+    std::uint16_t specifier = 0;
     CanTail tail{};
     std::span<const std::uint8_t> content{};  // data without the tail byte
     std::uint32_t tick = 0;
   };
   [[nodiscard]] CanReassembly* find(std::uint32_t identifier);
-  CanReassembly* room_for_a_start(std::uint32_t now_tick);
-  CanReassembly* room_for_a_stray(std::uint32_t now_tick);
+  [[nodiscard]] bool may_hold(const CanReassembly& transfer, std::uint16_t specifier) const;
+  [[nodiscard]] bool any_may_hold(std::uint16_t specifier) const;
+  CanReassembly* room_for_a_start(const Part& part);
+  CanReassembly* room_for_a_stray(const Part& part);
   [[nodiscard]] std::span<std::uint8_t> bytes_of(const CanReassembly& transfer) const;
   [[nodiscard]] bool repeats(const CanReassembly& transfer, const Part& part) const;
   void refuse(CanReassembly& transfer, const Part& part, Status fault);
@@ -73,25 +88,31 @@ class CanDecoder {
   CanReassembly* proceed(const Part& part);
   void append(CanReassembly& transfer, const Part& part);
 
+  std::span<const CanRoom> rooms_;
   std::span<CanReassembly> transfers_;
   std::span<std::uint8_t> buffer_;
-  std::size_t bytes_each_;
   std::uint16_t node_;
   alignas(8) std::array<std::uint8_t, 64> single_{};
   CanRecordReader records_;
   ReceiverCounters counters_{};
 };
 
-// A CanDecoder with its memory, for payloads of up to `Capacity` bytes, `AtOnce` of them in several frames at
-// a time.
-template <std::size_t Capacity, std::size_t AtOnce>
-class CanReceiver {
-  // Parts begin where 8-byte numbers may.
-  static constexpr std::size_t kBytesEach = (Capacity + kCanReassemblyOverheadBytes + 7) / 8 * 8;
-  static_assert(kBytesEach <= 0xFFFF, "lengths are counted in 16 bits");
+// A CanDecoder with its memory: `Rooms` is a std::array of CanRoom. Transfers in several frames that no room
+// may hold are passed over: other nodes' business.
+template <auto Rooms>
+class CanRoomsReceiver {
+  static constexpr auto kRooms = Rooms;
+  static constexpr std::size_t kBufferBytes = [] {
+    std::size_t bytes = 0;
+    for (const CanRoom& room : kRooms) bytes += can_room_bytes(room);
+    return bytes;
+  }();
+  static_assert(std::all_of(kRooms.begin(), kRooms.end(),
+                            [](const CanRoom& room) { return can_room_bytes(room) <= 0xFFFF; }),
+                "lengths are counted in 16 bits");
 
  public:
-  explicit CanReceiver(std::uint16_t node = kBroadcast) : decoder_(transfers_, buffer_, kBytesEach, node) {}
+  explicit CanRoomsReceiver(std::uint16_t node = kBroadcast) : decoder_(kRooms, transfers_, buffer_, node) {}
   bool take(const CanFrame& frame, std::uint32_t now_tick, Frame& out) {
     return decoder_.take(frame, now_tick, out);
   }
@@ -101,9 +122,20 @@ class CanReceiver {
   [[nodiscard]] const ReceiverCounters& counters() const { return decoder_.counters(); }
 
  private:
-  std::array<CanReassembly, AtOnce> transfers_{};
-  alignas(8) std::array<std::uint8_t, AtOnce * kBytesEach> buffer_{};
+  std::array<CanReassembly, kRooms.size()> transfers_{};
+  alignas(8) std::array<std::uint8_t, kBufferBytes> buffer_{};
   CanDecoder decoder_;
 };
+
+template <std::size_t Capacity, std::size_t AtOnce>
+consteval std::array<CanRoom, AtOnce> equal_can_rooms() {
+  static_assert(Capacity <= 0xFFFF, "lengths are counted in 16 bits");
+  std::array<CanRoom, AtOnce> rooms{};
+  rooms.fill({.capacity = Capacity});
+  return rooms;
+}
+// The same for payloads of up to `Capacity` bytes, `AtOnce` of them at a time, of anybody.
+template <std::size_t Capacity, std::size_t AtOnce>
+using CanReceiver = CanRoomsReceiver<equal_can_rooms<Capacity, AtOnce>()>;
 
 }  // namespace palpate::wire

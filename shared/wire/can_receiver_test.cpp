@@ -334,6 +334,31 @@ TEST(CanReceiver, TooLongForTheBuffer) {
     EXPECT_EQ(feed(receiver, frames_of(sample(length, 1), CanFormat::fd)).size(), 1u) << length;
 }
 
+// Rooms that are kept for some ports: whatever others send, they are there; what others send in several
+// frames is passed over.
+TEST(CanReceiver, RoomsKeptForPorts) {
+  constexpr std::array<CanRoom, 2> kRooms{CanRoom{.capacity = 300, .specifier = kModelStateSubject},
+                                          CanRoom{.capacity = 20, .specifier = kTraceRequestSubject}};
+  CanRoomsReceiver<kRooms> receiver;
+  const Transfer state = sample(300, 1), request = sample(20, 2, kTraceRequestSubject);
+  const Transfer other = sample(20, 3, 1234), other_single = sample(5, 4, 1234);
+  const Frames states = frames_of(state, CanFormat::classic),
+               requests = frames_of(request, CanFormat::classic);
+  const Frames others = frames_of(other, CanFormat::classic);
+  ASSERT_EQ(requests.size(), others.size());
+  Frames mixed;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    mixed.push_back(states[i]);
+    if (i < requests.size()) mixed = mixed + Frames{others[i], requests[i]};
+  }
+  EXPECT_EQ(feed(receiver, mixed + frames_of(other_single, CanFormat::classic)),
+            (std::vector{request, state, other_single}));
+  EXPECT_EQ(receiver.counters().refused(), 0u);
+  // Each has its own capacity, and its own memory.
+  EXPECT_TRUE(feed(receiver, frames_of(sample(60, 5, kTraceRequestSubject), CanFormat::classic)).empty());
+  EXPECT_EQ(receiver.counters().of(Status::frame_too_long), 1u);
+}
+
 TEST(CanReceiver, EachFaultHasItsStatusAndCounter) {
   Receiver receiver(kBoardNode);
   const auto expect_fault = [&receiver](const Frames& frames, Status fault) {

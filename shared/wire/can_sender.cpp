@@ -11,24 +11,6 @@ constexpr std::size_t content_of_frame(CanFormat format) {
 
 }  // namespace
 
-std::size_t can_content_bytes(std::size_t payload_bytes, CanFormat format) {
-  const std::size_t most = content_of_frame(format);
-  const bool single = payload_bytes <= most;
-  const std::size_t content_bytes = payload_bytes + (single ? 0 : kCanTransferCrcBytes);
-  const std::size_t last = single ? content_bytes : content_bytes % most;  // 0: a full frame
-  return content_bytes - last + can_padded_bytes(last + kCanTailBytes) - kCanTailBytes;
-}
-
-std::size_t can_transfer_frames(std::size_t payload_bytes, CanFormat format) {
-  const std::size_t most = content_of_frame(format);
-  return std::max<std::size_t>((can_content_bytes(payload_bytes, format) + most - 1) / most, 1);
-}
-
-std::size_t can_transfer_bytes(std::size_t payload_bytes, CanFormat format) {
-  return can_content_bytes(payload_bytes, format) +
-         can_transfer_frames(payload_bytes, format) * (kCanTailBytes + kCanRecordOverheadBytes);
-}
-
 Status CanSender::begin(const FrameHeader& header, std::span<const std::uint8_t> payload, CanFormat format) {
   done_ = true;
   if (const Status status = can_identifier(header, identifier_); status != Status::ok) return status;

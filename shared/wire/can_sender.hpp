@@ -15,10 +15,23 @@ namespace palpate::wire {
 
 // Data of a transfer with this payload on the wire: payload, zeros up to a length that FD frames can have,
 // and, in several frames, the CRC; tail bytes apart.
-std::size_t can_content_bytes(std::size_t payload_bytes, CanFormat format);
+constexpr std::size_t can_content_bytes(std::size_t payload_bytes, CanFormat format) {
+  const std::size_t most = can_mtu(format) - kCanTailBytes;
+  const bool single = payload_bytes <= most;
+  const std::size_t content_bytes = payload_bytes + (single ? 0 : kCanTransferCrcBytes);
+  const std::size_t last = single ? content_bytes : content_bytes % most;  // 0: a full frame
+  return content_bytes - last + can_padded_bytes(last + kCanTailBytes) - kCanTailBytes;
+}
 // Frames that it takes, and bytes of their records.
-std::size_t can_transfer_frames(std::size_t payload_bytes, CanFormat format);
-std::size_t can_transfer_bytes(std::size_t payload_bytes, CanFormat format);
+constexpr std::size_t can_transfer_frames(std::size_t payload_bytes, CanFormat format) {
+  const std::size_t most = can_mtu(format) - kCanTailBytes;
+  const std::size_t content_bytes = can_content_bytes(payload_bytes, format);
+  return content_bytes == 0 ? 1 : (content_bytes + most - 1) / most;
+}
+constexpr std::size_t can_transfer_bytes(std::size_t payload_bytes, CanFormat format) {
+  return can_content_bytes(payload_bytes, format) +
+         can_transfer_frames(payload_bytes, format) * (kCanTailBytes + kCanRecordOverheadBytes);
+}
 
 // Any context, one owner. The cost is spread over the frames.
 class CanSender {
