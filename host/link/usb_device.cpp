@@ -20,7 +20,7 @@ std::uint16_t id(std::string_view text, const char* what, std::string_view digit
 }
 
 struct ListEnd {
-  void operator()(libusb_device** list) const { libusb_free_device_list(list, 0); }
+  void operator()(libusb_device** list) const { libusb_free_device_list(list, 1); }
 };
 struct ConfigurationEnd {
   void operator()(libusb_config_descriptor* configuration) const {
