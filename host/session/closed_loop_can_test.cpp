@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <numbers>
 #include <optional>
 #include <type_traits>
 
@@ -14,7 +12,7 @@
 #include "host/link/can_cost.hpp"
 #include "host/session/closed_loop.hpp"
 #include "host/session/test_board.hpp"
-#include "host/session/test_contact.hpp"
+#include "host/session/test_drag.hpp"
 
 namespace palpate::host {
 namespace {
@@ -30,23 +28,11 @@ struct Outcome {
 
 // Pressed into a block and dragged over two of its cells; `lost_from` to `lost_until`: the cable is out.
 Outcome run(std::uint32_t ticks, std::uint32_t lost_from, std::uint32_t lost_until) {
-  LatticeSpec spec = test::reference_spec(9);
-  spec.origin_m = {-0.04, -0.04, -0.10};  // the top at -2 cm
-  const Body body = make_lattice(spec);
-  ClosedLoopConfig config;
-  config.ticks = ticks;
-  config.host_delay_ticks = 5;
-  config.trace = {TraceForm::tip, 4};
+  const Body body = test::drag_body();
+  constexpr std::uint32_t kHostDelay_ticks = 5;
+  ClosedLoopConfig config = test::drag_config(ticks, kHostDelay_ticks, {TraceForm::tip, 4});
   config.framing = kFd ? link::FramingKind::can_fd : link::FramingKind::can_classic;
-  config.session.friction.elsewhere = {0.3, 0.3};
-  config.session.model.builder = Builder::hybrid;
-  config.session.model.middle_shift_rad_s = {2.0 * std::numbers::pi * 20.0};
-  config.session.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
-  plant::PlantParameters parameters;
-  parameters.hand_kind = plant::HandKind::scripted;
-  plant::Plant plant(parameters, plant::TipPath::minimum_jerk({{0.1, {-0.026, 0.002, -0.0195}},
-                                                               {0.35, {-0.026, 0.002, -0.023}},
-                                                               {1.0, {-0.016, 0.002, -0.023}}}));
+  plant::Plant plant = test::drag_plant(-0.016);
   test::MemoryPeer board;
   link::MeteredCanBus bus(kFd ? link::kCanFd_5_Mbit : link::kClassicCan_1_Mbit);
   ClosedLoop loop(body, body.rest_state(), plant, board, bus.down(), bus.up(), config);

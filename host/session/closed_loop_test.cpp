@@ -9,14 +9,13 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <numbers>
-#include <optional>
 #include <vector>
 
 #include "host/link/can_cost.hpp"
 #include "host/link/uart.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
+#include "host/session/test_drag.hpp"
 #include "shared/wire/frame_receiver.hpp"
 
 namespace palpate::host {
@@ -91,22 +90,9 @@ struct Outcome {
 
 // Pressed into a block and dragged over two of its cells.
 Outcome run(std::uint32_t baud, const TraceWish& trace) {
-  LatticeSpec spec = test::reference_spec(9);
-  spec.origin_m = {-0.04, -0.04, -0.10};  // the top at -2 cm
-  const Body body = make_lattice(spec);
-  ClosedLoopConfig config;
-  config.ticks = kTicks;
-  config.host_delay_ticks = kHostDelay_ticks;
-  config.trace = trace;
-  config.session.friction.elsewhere = {0.3, 0.3};
-  config.session.model.builder = Builder::hybrid;
-  config.session.model.middle_shift_rad_s = {2.0 * std::numbers::pi * 20.0};
-  config.session.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
-  plant::PlantParameters parameters;
-  parameters.hand_kind = plant::HandKind::scripted;
-  plant::Plant plant(parameters, plant::TipPath::minimum_jerk({{0.1, {-0.026, 0.002, -0.0195}},
-                                                               {0.35, {-0.026, 0.002, -0.023}},
-                                                               {1.0, {-0.006, 0.002, -0.023}}}));
+  const Body body = test::drag_body();
+  const ClosedLoopConfig config = test::drag_config(kTicks, kHostDelay_ticks, trace);
+  plant::Plant plant = test::drag_plant(-0.006);
   test::MemoryPeer board;
   Watched down(baud);
   link::Uart up(baud);
