@@ -57,6 +57,8 @@ def conform(layout: Sequence[Dataset], values: Values) -> dict[str, NDArray[Any]
                 continue
             raise RecordError(f"{dataset.path}: missing")
         given = np.asarray(values[dataset.path])
+        if given.dtype.kind not in "fiub":
+            raise RecordError(f"{dataset.path}: has {given.dtype} in place of numbers")
         array = np.ascontiguousarray(given, dtype=np.dtype(dataset.dtype).newbyteorder("<")).reshape(
             given.shape
         )
@@ -145,6 +147,8 @@ def load(file: Path) -> Record:
             return _load(file, h5)
     except RecordError as error:
         raise BadRecord(f"{file}: {error}") from None
+    except (OSError, RuntimeError, KeyError) as error:  # what h5py makes of a damaged structure
+        raise BadRecord(f"{file}: cannot be read: {' '.join(str(error).split())}: the file is damaged") from None
 
 
 def _open(file: Path) -> h5py.File:
@@ -175,30 +179,47 @@ def _load(file: Path, h5: h5py.File) -> Record:
         raise RecordError("has neither /ticks/tick nor /nodes/time_s: not a record of palpate")
     layout = RUN if kind == "run" else SIMULATE
     attributes = dict(h5.attrs.items())
+    counts = {
+        name: _count(attributes, name)
+        for name in attributes
+        if name == "closed" or name.startswith("dropped_") or name in {str(dataset.shape[0]) for dataset in layout if dataset.shape}
+    }
     values = {}
     for dataset in layout:
         if dataset.path in h5:
             # A recorder's columns may be longer by a block that was being written: so many rows are whole.
-            rows = attributes.get(dataset.shape[0]) if dataset.shape and "closed" in attributes else None
-            values[dataset.path] = _read(h5, dataset.path, None if rows is None else int(rows))
-    dropped = {
-        name.removeprefix("dropped_"): int(value) for name, value in attributes.items() if name.startswith("dropped_")
-    }
+            rows = counts.get(str(dataset.shape[0])) if dataset.shape and "closed" in attributes else None
+            values[dataset.path] = _read(h5, dataset.path, rows)
+    dropped = {name.removeprefix("dropped_"): count for name, count in counts.items() if name.startswith("dropped_")}
     return Record(
         file,
         kind,
         conform([replace(dataset, optional=dataset.optional or dataset in BODY) for dataset in layout], values),
-        _read(h5, "scene", None).decode("utf-8"),
+        _text(_read(h5, "scene", None)),
         attributes,
-        bool(attributes.get("closed", 1)),
+        bool(counts.get("closed", 1)),
         dropped,
     )
+
+
+def _count(attributes: Mapping[str, Any], name: str) -> int:
+    value = attributes[name]
+    if isinstance(value, bool | np.bool_ | int | np.integer) and value >= 0:
+        return int(value)
+    raise RecordError(f"attribute {name} is {value!r}: must be a whole number, at least 0")
+
+
+def _text(value: Any) -> str:
+    try:
+        return str(value.decode("utf-8"))
+    except (AttributeError, UnicodeDecodeError):
+        raise RecordError("/scene is no text: damaged") from None
 
 
 def _read(h5: h5py.File, path: str, rows: int | None) -> Any:
     try:
         return h5[path][()] if rows is None else h5[path][:rows]
-    except (OSError, KeyError, AttributeError, TypeError):  # the chunk is beyond the end of the file, or it is no dataset
+    except (OSError, KeyError, AttributeError, TypeError, ValueError):  # the chunk is beyond the end of the file, or it is no dataset
         raise RecordError(f"/{path} cannot be read: the file is cut short or damaged") from None
 
 

@@ -25,6 +25,8 @@ from palpate.tip_path import TipPath
 Array = NDArray[Any]
 
 _TICK_S = 1e-3
+# Overlong ticks leave out some; a minute without any is no motion to go on with.
+_LONGEST_GAP_TICKS = 60_000
 _TITLE_WIDTH = 100
 # What moves the tip, and how long: the record says it.
 _OF_THE_RECORD = ("duration_s", "hand", "path")
@@ -68,6 +70,9 @@ def load_source(file: Path, overrides: Overrides, board: str | None) -> Source:
         raise BadRecord(f"{file}: /ticks has {len(ticks)} rows: must be at least 2")
     if not np.all(np.diff(ticks.astype(np.int64)) > 0):
         raise BadRecord(f"{file}: /ticks/tick does not increase: damaged")
+    gap = int(np.max(np.diff(ticks.astype(np.int64))))
+    if gap > _LONGEST_GAP_TICKS:
+        raise BadRecord(f"{file}: /ticks/tick leaps by {gap}: must be at most {_LONGEST_GAP_TICKS}")
     for path in ("ticks/true_tip_m", "ticks/force_N", "ticks/tip_m"):
         if not np.all(np.isfinite(loaded.values[path])):
             raise BadRecord(f"{file}: /{path} has numbers that are not finite")
