@@ -26,7 +26,8 @@ inline std::array<double, 6> exact_coefficients(double lambda, double d, double 
     return c;
   };
   const long double h = static_cast<long double>(step_s) / 1024.0L;
-  const Matrix g{{{0, h, 0}, {-lambda * h, -d * h, h}, {0, 0, 0}}};
+  const auto l = static_cast<long double>(lambda), b = static_cast<long double>(d);
+  const Matrix g{{{0, h, 0}, {-l * h, -b * h, h}, {0, 0, 0}}};
   Matrix term = g, sum = g;  // exp - I
   for (int n = 2; n < 30; ++n) {
     term = product(term, g);
