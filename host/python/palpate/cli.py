@@ -129,6 +129,16 @@ def build_parser() -> argparse.ArgumentParser:
         command.add_argument("--dense", action="store_true", help="balance the whole system, without a projection")
         add_set(command)
 
+    def add_fuzz_options(command: argparse.ArgumentParser) -> None:
+        from palpate.fuzzing.targets import TARGETS
+
+        command.add_argument("target", choices=(*TARGETS, "all"), metavar="TARGET", help=f"{', '.join(TARGETS)}, or all")
+        command.add_argument("--runs", type=int, metavar="N", help="executions of each target (default: as in palpate test)")
+        command.add_argument("--seed", type=int, default=1, metavar="S", help="of the mutations, at least 1 (default: 1)")
+        command.add_argument(
+            "--keep", action="store_true", help="take the smallest inputs that reach something new into host/fuzz/corpus"
+        )
+
     demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
     add_out(demo, "out/demo")
     add_board(demo)
@@ -193,12 +203,14 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("what", choices=("frontier",), help="frontier: every builder in every experiment, and sweeps")
     bench.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
     add_out(bench, "out/frontier")
+    if SOURCE is not None:
+        add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
     completion = add("completion", "print a script that completes commands, options and files in a shell")
     completion.add_argument("shell", choices=("bash", "zsh"), help="for which shell")
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
-        "--quick", action="store_true", help="only the fast tests: no sanitizers, no clang-tidy"
+        "--quick", action="store_true", help="only the fast tests: no sanitizers, no fuzzing, no clang-tidy"
     )
     return parser
 
@@ -510,6 +522,26 @@ def _test(arguments: argparse.Namespace) -> int:
     return OK if run_tests(quick=arguments.quick, as_json=arguments.json) else FAILED
 
 
+def _fuzz(arguments: argparse.Namespace) -> int:
+    from palpate.fuzzing import command, targets as known
+
+    for name in ("runs", "seed"):
+        value = getattr(arguments, name)
+        if value is not None and not 1 <= value < 2**31:
+            raise SceneError(f"palpate fuzz: --{name} is {value}: must be in [1, {2**31 - 1}]")
+    targets = known.TARGETS if arguments.target == "all" else (arguments.target,)
+    outcomes = command.run(targets, arguments.runs, arguments.seed, arguments.keep, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    for outcome in outcomes:
+        found = "nothing found" if outcome.finding is None else f"FOUND, with {outcome.file}"
+        print(f"{outcome.target}: {outcome.executions:,} executions, {found}", file=table)
+        if outcome.finding is not None:
+            _tell(outcome.finding, "red")
+    if arguments.json:
+        print(json.dumps({one.target: {"executions": one.executions, "finding": one.finding, "file": one.file and str(one.file)} for one in outcomes}))
+    return OK if all(outcome.finding is None for outcome in outcomes) else FAILED
+
+
 def _doctor(arguments: argparse.Namespace) -> int:
     from palpate import doctor
 
@@ -547,6 +579,7 @@ def main(argv: Sequence[str]) -> int:
             "replay": _replay,
             "plot": _plot,
             "test": _test,
+            "fuzz": _fuzz,
             "reproduce": _reproduce,
             "reduce": _reduce,
             "bench": _bench,

@@ -27,6 +27,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5",
         "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png",
     ),
+    "fuzz": ("./run fuzz board --runs 2000", "./run fuzz all --json"),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),
     "test": ("./run test --quick",),

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -242,6 +243,26 @@ def run_clang_tidy(log: IO[str]) -> Count:
     )
 
 
+def run_fuzz(log: IO[str]) -> Count:
+    """A fixed number of executions of every fuzz target, from the same seed in each run; one test a target."""
+    from palpate.fuzzing import command
+    from palpate.fuzzing.targets import TARGETS
+
+    count = Count()
+    executions = 0
+    for target in TARGETS:
+        try:
+            outcome = command.run((target,), None, 1, False, lambda *_: nullcontext(lambda *_: None))[0]
+        except RuntimeError as error:
+            log.write(f"{error}\n")
+            return Count(failures=["fuzz: build"])
+        executions += outcome.executions
+        log.write(f"{target}: {outcome.executions:,} executions, seed 1\n{outcome.finding or ''}")
+        count += _one(f"fuzz {target}", outcome.finding is None)
+    print(f"fuzz: {executions:,} executions", file=sys.stderr, flush=True)
+    return count
+
+
 def _without_address_randomization() -> list[str]:
     """GCC's ThreadSanitizer does not start where the kernel spreads addresses over more than 28 bits."""
     command = ["setarch", os.uname().machine, "--addr-no-randomize"]
@@ -264,6 +285,7 @@ def stages(quick: bool) -> list[Stage]:
             Stage(
                 "ctest host-tsan", lambda log: run_ctest("host-tsan", log, _without_address_randomization())
             ),
+            Stage("fuzz", run_fuzz),
             Stage("clang-tidy", run_clang_tidy),
         ]
     return result

@@ -12,6 +12,7 @@ RUN = {
     "./run --help": "--help",
     "./run doctor": "doctor",
     "./run doctor --json": "doctor --json",
+    "./run fuzz TARGET [--runs N]": "fuzz scene --runs 5",
     "./run completion bash": "completion bash",
     "./run run scenes/press.toml --board native": f"run scenes/press.toml {_BRIEF_NATIVE} --out {{out}}",
     "./run run scenes/press.toml --board native --set model.builder=krylov --out out/krylov": (
@@ -160,6 +161,8 @@ _A_WHOLE_BODY = "minutes on 1,728 nodes; the same on smaller bodies is tested in
 # command -> why no test runs it.
 NOT_RUN = {
     "./run": "installs packages and builds: what starts the tests cannot be one of them",
+    "./run fuzz board --runs 2000": _BUILDS,
+    "./run fuzz all --json": _BUILDS,
     "./run test": "the tests themselves",
     "./run test --quick": "the tests themselves",
     "./run test [--quick]": "the tests themselves",

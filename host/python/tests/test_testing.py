@@ -122,7 +122,7 @@ def test_quick_is_a_part_of_all() -> None:
     quick = [stage.name for stage in testing.stages(quick=True)]
     full = [stage.name for stage in testing.stages(quick=False)]
     assert full[: len(quick)] == quick
-    assert {"ctest host-asan", "ctest host-tsan", "clang-tidy"} <= set(full)
+    assert {"ctest host-asan", "ctest host-tsan", "fuzz", "clang-tidy"} <= set(full)
 
 
 def test_threads_are_started_where_the_tests_notice(monkeypatch: pytest.MonkeyPatch) -> None:
