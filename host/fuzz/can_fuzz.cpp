@@ -38,7 +38,9 @@ Heard hear(std::span<const std::uint8_t> line, std::size_t piece) {
       complete = reception.complete;
       if (!complete) continue;
       const std::span<const std::uint8_t> payload = reception.frame.payload;
-      require(payload.size() <= kCapacity + wire::kCanReassemblyOverheadBytes, "a payload fits its receiver");
+      // Rooms are whole multiples of 8 bytes.
+      require(payload.size() < kCapacity + wire::kCanReassemblyOverheadBytes + 8,
+              "a payload fits its receiver");
       heard.headers.push_back(reception.frame.header);
       heard.payloads.emplace_back(payload.begin(), payload.end());
     }
