@@ -163,6 +163,13 @@ def test_pycyphal_reads_our_frames(messages, run):
     command = sent(ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request)
     assert (command.action, command.token) == (command.ARM_CONFIRM, 77)
     sent(ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request)
+    force = sent(MessageDataSpecifier(1613), messages.DirectForce_1_0)
+    assert list(force.force_N) == [0.5, -0.25, 1.0]
+    device = sent(MessageDataSpecifier(1605), messages.DeviceState_1_0)
+    assert (device.tick, device.mode, device.flags, device.faults) == (1200, status.MODE_DIRECT, 16, 0x0102)
+    assert list(device.tip_m) == [0.125, -0.5, 0.0]
+    assert list(device.velocity_m_s) == [0.0, 0.25, -1.0]
+    assert list(device.force_N) == [0.0, 0.0, 2.5]
     assert not payloads
 
     # pycyphal, given the same transfers, writes the same bytes.

@@ -97,6 +97,8 @@ def random_messages(messages, rng: np.random.Generator):
     )
     yield MessageDataSpecifier(1612), messages.ModelPart_1_0(basis_id=rng.integers(0, 2**32), data=octets(1024))
     yield MessageDataSpecifier(1611), messages.TraceRequest_1_0(first_tick=rng.integers(0, 2**32), count=12, form=1, ticks=8)
+    yield MessageDataSpecifier(1613), messages.DirectForce_1_0(force_N=rng.normal(size=3))
+    yield MessageDataSpecifier(1605), messages.DeviceState_1_0(tick=rng.integers(0, 2**32), velocity_m_s=rng.normal(size=3))
     yield ServiceDataSpecifier(300, REQUEST), messages.Command_1_0.Request(action=2, token=rng.integers(0, 2**32))
     yield ServiceDataSpecifier(300, RESPONSE), messages.Command_1_0.Response(status=49, mode=1)
     yield ServiceDataSpecifier(301, REQUEST), messages.GetInfo_1_0.Request()

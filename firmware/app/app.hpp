@@ -31,7 +31,7 @@ class App {
         renderer_(wire::kSchemaHash, catch_up_policy),
         servo_(device::kPremium15, limits_, static_cast<std::uint32_t>(wire::kSchemaHash), renderer_,
                mailbox_),
-        endpoint_(renderer_, servo_, mailbox_, board.link(), identity, board.clock_Hz()) {}
+        endpoint_(renderer_, servo_, limits_, mailbox_, board.link(), identity, board.clock_Hz()) {}
 
   // Interrupt context, top priority, every millisecond.
   void isr_tick();

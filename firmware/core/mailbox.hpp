@@ -2,6 +2,7 @@
 // servo.hpp).
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "firmware/core/supervisor.hpp"
@@ -36,10 +37,25 @@ struct StatusSnapshot {
   std::uint32_t worst_tick_count = 0;
 };
 
+// A tick of the board as a plain device: palpate.DeviceState.
+struct DeviceSample {
+  std::uint32_t tick = 0;
+  Vec3f tip_m{};         // device frame
+  Vec3f velocity_m_s{};  // of the tip
+  Vec3f force_N{};       // of the tip on the body, after limits
+  Mode mode = Mode::boot;
+  std::uint8_t flags = 0;
+  FaultSet faults = 0;
+};
+
 struct Mailbox {
   SpscRing<CommandRequest, 4> commands;  // background to interrupt, which runs one a tick
   SpscRing<CommandReply, 8> replies;     // interrupt to background
   SpscRing<StatusSnapshot, 8> status;    // interrupt to background
+  SpscRing<Vec3f, 4>
+      direct_forces;  // background to interrupt, which takes the newest: as palpate.DirectForce
+  SpscRing<DeviceSample, 2> device;        // interrupt to background, while it is wanted
+  std::atomic<bool> device_wanted{false};  // written by the background
 };
 
 }  // namespace palpate::firmware

@@ -66,6 +66,8 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   in.model_sequence = renderer_.model_sequence();
   in.model_age_ticks = renderer_.model_age_ticks();
   in.model_valid_ticks = renderer_.model_valid_ticks();
+  in.direct_force_N = direct_force_N_;
+  in.direct_age_ticks = direct_age_ticks_;
   return in;
 }
 
@@ -74,6 +76,15 @@ void Servo::update_estimate(const ServoTiming& timing, const ServoSensors& senso
   for (std::size_t i = 0; i < 3; ++i)
     estimators_[i].update(static_cast<float>(difference(sensors.count[i], previous_count_[i])),
                           static_cast<float>(timing.elapsed_ticks));
+}
+
+void Servo::take_direct_forces(std::uint32_t elapsed_ticks) {
+  const std::uint32_t age = direct_age_ticks_ + elapsed_ticks;
+  direct_age_ticks_ = age < direct_age_ticks_ ? UINT32_MAX : age;
+  for (Vec3f force_N; mailbox_.direct_forces.pop(force_N);) {
+    direct_force_N_ = -force_N;  // the hand's to the body's
+    direct_age_ticks_ = 0;
+  }
 }
 
 ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
@@ -89,6 +100,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
         renderer_.estimates_tip() ? device::estimated_tip(device_, pose, estimators_) : pose.tip_m;
   output.sample = renderer_.isr_tick(timing.tick, rendered_tip_m_);
 
+  take_direct_forces(timing.elapsed_ticks);
   SupervisorInputs in = gather(timing, sensors, pose, output.sample);
   CommandRequest request;
   const bool commanded = mailbox_.commands.pop(request);
@@ -114,6 +126,9 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
     renderer_.isr_reset();
   }
 
+  // A program's force and a model's do not mix: none is waiting when the other's time comes again.
+  if (decision.state.mode == Mode::direct && state_.mode != Mode::direct) renderer_.isr_reset();
+
   if (commanded) {
     // Never full: it holds twice as many as can be under way.
     (void)mailbox_.replies.push({decision.outcome, decision.state.mode, request.requester});
@@ -121,6 +136,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   post(timing, decision);
   record_flags(timing, decision);
   state_ = decision.state;
+  post_device(timing, pose);
 
   if (!decision.outputs_on) output.setpoint_A = {};
   output.outputs_on = decision.outputs_on;
@@ -143,9 +159,22 @@ void Servo::post(const ServoTiming& timing, const Decision& decision) {
   }
 }
 
+void Servo::post_device(const ServoTiming& timing, const device::Pose& pose) {
+  if (!mailbox_.device_wanted.load(std::memory_order_relaxed)) return;
+  // Full: the background is late; it takes both and says the newer.
+  (void)mailbox_.device.push({.tick = timing.tick,
+                              .tip_m = tip_m_,
+                              .velocity_m_s = device::estimated_velocity(device_, pose, estimators_),
+                              .force_N = state_.force_N,
+                              .mode = state_.mode,
+                              .flags = flags_[timing.tick % kTipHistory].load(std::memory_order_relaxed),
+                              .faults = state_.faults});
+}
+
 void Servo::record_flags(const ServoTiming& timing, const Decision& decision) {
   std::uint8_t flags = 0;
   if (decision.outputs_on) flags |= palpate_ServoSample_1_0_FLAG_RENDERING;
+  if (decision.state.mode == Mode::direct) flags |= palpate_ServoSample_1_0_FLAG_DIRECT;
   if (decision.force_limited) flags |= palpate_ServoSample_1_0_FLAG_LIMITED;
   // Lost ticks have this tick's sample in the renderer's history, and this tick's flags here.
   const std::uint32_t count = timing.elapsed_ticks < kTipHistory ? timing.elapsed_ticks : kTipHistory;

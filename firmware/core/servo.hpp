@@ -74,6 +74,8 @@ class Servo {
   SupervisorInputs gather(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose,
                           const ServoSample& sample);
   void update_estimate(const ServoTiming& timing, const ServoSensors& sensors);
+  void take_direct_forces(std::uint32_t elapsed_ticks);
+  void post_device(const ServoTiming& timing, const device::Pose& pose);
   void post(const ServoTiming& timing, const Decision& decision);
   void record_flags(const ServoTiming& timing, const Decision& decision);
 
@@ -89,8 +91,10 @@ class Servo {
   device::EncoderCounts previous_count_{};
   device::EncoderCounts rest_count_{};  // at the start of a calibration
   device::CountEstimators estimators_{};
-  Vec3f tip_m_{};           // of the last tick whose pose was known
-  Vec3f rendered_tip_m_{};  // likewise, as the renderer was told it
+  Vec3f tip_m_{};                                // of the last tick whose pose was known
+  Vec3f rendered_tip_m_{};                       // likewise, as the renderer was told it
+  Vec3f direct_force_N_{};                       // the newest palpate.DirectForce, of the tip on the body
+  std::uint32_t direct_age_ticks_ = UINT32_MAX;  // of it; UINT32_MAX: none has come
   bool have_counts_ = false;
   bool have_tip_ = false;
   bool status_due_ = true;  // a snapshot that found its ring full is sent later

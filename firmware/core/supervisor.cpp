@@ -29,6 +29,7 @@ void enter(SupervisorState& state, Mode mode) {
   state.mode_age_ticks = 0;
   state.token = 0;
   state.token_age_ticks = 0;
+  state.token_is_direct = false;
 }
 
 // Faults of a broken device: whatever the mode.
@@ -36,8 +37,9 @@ FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in,
   FaultSet faults = 0;
   if (in.emergency_stop_open) faults |= bit(Fault::emergency_stop);
   if (in.command.action == Action::stop) faults |= bit(Fault::stop_command);
-  if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !finite(in.measured_current_A) ||
-      !std::isfinite(in.joint_step_rad) || !std::isfinite(in.tip_speed_m_s)) {
+  if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !is_finite(in.direct_force_N) ||
+      !finite(in.measured_current_A) || !std::isfinite(in.joint_step_rad) ||
+      !std::isfinite(in.tip_speed_m_s)) {
     faults |= bit(Fault::not_a_number);
   }
   if (in.joint_step_rad > limits.joint_step_rad) faults |= bit(Fault::encoder_jump);
@@ -51,7 +53,8 @@ FaultSet faults_of_rendering(const SupervisorState& state, const SupervisorInput
   FaultSet faults = 0;
   if (in.tip_speed_m_s > limits.tip_speed_m_s) faults |= bit(Fault::over_speed);
   if (!in.inside_workspace) faults |= bit(Fault::outside_workspace);
-  if (norm(in.force_N) > limits.force_fault_N) faults |= bit(Fault::force_implausible);
+  if (norm(state.mode == Mode::direct ? in.direct_force_N : in.force_N) > limits.force_fault_N)
+    faults |= bit(Fault::force_implausible);
   if (state.missed_deadline_level > limits.missed_deadline_bucket) faults |= bit(Fault::deadline_missed);
   return faults;
 }
@@ -75,36 +78,67 @@ void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const L
   state.missed_deadline_level = level < full ? level : full;
 }
 
-// How much of the model's force is rendered, 0 to 1: soft start after arming, fading beyond the model's
-// horizon.
-float force_scale(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+// The force that the mode asks for, and its limits.
+struct Wanted {
+  bool present = false;
+  Vec3f force_N{};
+  float peak_N = 0.0f;
+  float step_N = 0.0f;  // per tick
+  // Held so long, then faded to zero.
+  std::uint32_t age_ticks = 0;
+  std::uint32_t hold_ticks = 0;
+  std::uint32_t fade_ticks = 0;
+};
+
+Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  if (state.mode == Mode::direct) {
+    return {.present = in.direct_age_ticks != UINT32_MAX,
+            .force_N = in.direct_force_N,
+            .peak_N = limits.direct_force_N,
+            .step_N = limits.direct_force_step_N,
+            .age_ticks = in.direct_age_ticks,
+            .hold_ticks = limits.direct_hold_ticks,
+            .fade_ticks = limits.direct_fade_ticks};
+  }
+  const std::uint32_t horizon =
+      in.model_valid_ticks < limits.model_horizon_ticks ? in.model_valid_ticks : limits.model_horizon_ticks;
+  return {.present = in.model_sequence != 0,
+          .force_N = in.force_N,
+          .peak_N = limits.peak_force_N,
+          .step_N = limits.force_step_N,
+          .age_ticks = in.model_age_ticks,
+          .hold_ticks = horizon,
+          .fade_ticks = limits.model_fade_ticks};
+}
+
+// How much of it is rendered, 0 to 1: soft start after arming, fading when it is old.
+float force_scale(const SupervisorState& state, const Wanted& wanted, const Limits& limits) {
   float scale = 1.0f;
   if (state.mode_age_ticks < limits.soft_start_ticks) {
     scale = static_cast<float>(state.mode_age_ticks) / static_cast<float>(limits.soft_start_ticks);
   }
-  const std::uint32_t horizon =
-      in.model_valid_ticks < limits.model_horizon_ticks ? in.model_valid_ticks : limits.model_horizon_ticks;
-  if (in.model_age_ticks > horizon) {
-    const std::uint32_t over = in.model_age_ticks - horizon;
-    const float fade = over < limits.model_fade_ticks
-                           ? 1.0f - static_cast<float>(over) / static_cast<float>(limits.model_fade_ticks)
+  if (wanted.age_ticks > wanted.hold_ticks) {
+    const std::uint32_t over = wanted.age_ticks - wanted.hold_ticks;
+    const float fade = over < wanted.fade_ticks
+                           ? 1.0f - static_cast<float>(over) / static_cast<float>(wanted.fade_ticks)
                            : 0.0f;
     scale *= fade;
   }
   return scale;
 }
 
-Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
-  if (in.model_sequence == 0) return {};
-  Vec3f force_N = in.force_N;
+Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
+                    const Wanted& wanted) {
+  if (!wanted.present) return {};
+  Vec3f force_N = wanted.force_N;
   const float magnitude_N = norm(force_N);
-  if (magnitude_N > limits.peak_force_N) force_N *= limits.peak_force_N / magnitude_N;
-  // Exactly the model's own force where nothing limits it, so that the record can tell by comparing.
-  const float scale = force_scale(state, in, limits);
+  if (magnitude_N > wanted.peak_N) force_N *= wanted.peak_N / magnitude_N;
+  // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
+  const float scale = force_scale(state, wanted, limits);
   if (scale != 1.0f) force_N *= scale;
   const Vec3f change_N = force_N - state.force_N;
   const float step_N = norm(change_N);
-  const float largest_N = limits.force_step_N * static_cast<float>(in.elapsed_ticks);
+  const float largest_N = wanted.step_N * static_cast<float>(in.elapsed_ticks);
   if (step_N > largest_N) force_N = state.force_N + change_N * (largest_N / step_N);
   return force_N;
 }
@@ -119,11 +153,13 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
     case Action::stop:  // already among the conditions
       return Status::ok;
     case Action::disarm:
-      if (state.mode == Mode::render) enter(state, Mode::idle);
+      if (outputs_on(state.mode)) enter(state, Mode::idle);
       state.token = 0;
       return Status::ok;
     case Action::arm_request:
+    case Action::arm_direct:
       if (!may_arm) return Status::command_refused;
+      state.token_is_direct = in.command.action == Action::arm_direct;
       state.token = make_token(in.tick, seed);
       state.token_age_ticks = 0;
       return Status::ok;
@@ -133,7 +169,7 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
                          state.token_age_ticks <= limits.arming_window_ticks;
       state.token = 0;  // one try a challenge
       if (!right) return Status::command_token_wrong;
-      enter(state, Mode::render);
+      enter(state, state.token_is_direct ? Mode::direct : Mode::render);
       return Status::ok;
     }
     case Action::calibrate:
@@ -181,11 +217,16 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
     }
   }
 
+  // The program that was to send forces has gone.
+  if (state.mode == Mode::direct && state.mode_age_ticks > limits.direct_lost_ticks &&
+      in.direct_age_ticks > limits.direct_lost_ticks)
+    enter(state, Mode::idle);
+
   decision.outcome.action = in.command.action;
   decision.outcome.status =
       run_command(state, in, limits, always, rendering, challenge_seed, decision.calibration_begins);
 
-  const FaultSet present = static_cast<FaultSet>(state.mode == Mode::render ? always | rendering : always);
+  const FaultSet present = static_cast<FaultSet>(outputs_on(state.mode) ? always | rendering : always);
   if (present != 0) {
     if (state.mode != Mode::fault) enter(state, Mode::fault);
     state.faults = static_cast<FaultSet>(state.faults | present);
@@ -193,9 +234,10 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
     decision.calibration_ends = false;
   }
 
-  decision.outputs_on = state.mode == Mode::render;
-  state.force_N = decision.outputs_on ? limited_force(state, in, limits) : Vec3f{};
-  decision.force_limited = decision.outputs_on && !(state.force_N == in.force_N);
+  decision.outputs_on = outputs_on(state.mode);
+  const Wanted wanted = wanted_force(state, in, limits);
+  state.force_N = decision.outputs_on ? limited_force(state, in, limits, wanted) : Vec3f{};
+  decision.force_limited = decision.outputs_on && !(state.force_N == wanted.force_N);
   decision.outcome.token = state.token;
   return decision;
 }

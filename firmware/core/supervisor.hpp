@@ -20,7 +20,12 @@ enum class Mode : std::uint8_t {
   calibrate = 2,  // outputs off; the encoder zero is being set
   render = 3,     // outputs on
   fault = 4,      // outputs off, latched until CLEAR_FAULT
+  direct = 5,     // outputs on, with the force of palpate.DirectForce in place of a model's
 };
+
+constexpr bool outputs_on(Mode mode) {
+  return mode == Mode::render || mode == Mode::direct;
+}
 
 // Reasons to switch off, bits of BoardStatus.faults: they add up until CLEAR_FAULT. Never renumber them.
 enum class Fault : std::uint16_t {
@@ -50,6 +55,7 @@ enum class Action : std::uint8_t {
   calibrate = 4,
   clear_fault = 5,
   stop = 6,
+  arm_direct = 7,
 };
 
 struct Command {
@@ -78,6 +84,16 @@ struct Limits {
   std::uint32_t model_horizon_ticks = 1000;
   // Beyond the horizon its force fades to zero: slowly enough to feel as weakening, not as a drop.
   std::uint32_t model_fade_ticks = 200;
+
+  // Of palpate.DirectForce. Any program may send one, so the limits are closer than a model's: 5 N still
+  // stops a hand, and a wall of 1 kN/m met at 0.5 m/s asks for 0.5 N more in each tick.
+  float direct_force_N = 5.0f;
+  float direct_force_step_N = 0.5f;
+  // A program at 1 kHz that the operating system delays; then the force fades.
+  std::uint32_t direct_hold_ticks = 20;
+  std::uint32_t direct_fade_ticks = 50;
+  // A program that has gone: outputs go off, and the next one has to arm.
+  std::uint32_t direct_lost_ticks = 1000;
 
   // Per tick: 50 rad/s, 10 m/s at the tip. No hand does that; a broken encoder or cable does.
   float joint_step_rad = 0.05f;
@@ -109,6 +125,7 @@ struct SupervisorState {
   std::uint32_t mode_age_ticks = 0;  // since the mode was entered
   std::uint32_t token = 0;           // open challenge of arming; 0: none
   std::uint32_t token_age_ticks = 0;
+  bool token_is_direct = false;             // to Mode::direct, not to Mode::render
   std::uint32_t over_current_ticks = 0;     // in a row
   std::uint32_t missed_deadline_level = 0;  // the bucket
   bool position_trusted = true;             // false after an encoder jump, until a calibration
@@ -136,6 +153,9 @@ struct SupervisorInputs {
   std::uint32_t model_sequence = 0;  // 0: no model
   std::uint32_t model_age_ticks = 0;
   std::uint32_t model_valid_ticks = 0;  // its own horizon
+  // palpate.DirectForce, as a force of the tip on the body: the hand feels the opposite.
+  Vec3f direct_force_N{};
+  std::uint32_t direct_age_ticks = UINT32_MAX;  // of the newest; UINT32_MAX: none has come
 };
 
 struct CommandOutcome {
@@ -154,9 +174,9 @@ struct Decision {
   CommandOutcome outcome{};
 };
 
-// One servo tick. Outputs are on only in Mode::render, and only ARM_CONFIRM with the token of a challenge
-// that is at most limits.arming_window_ticks old leads there. Every fault that this tick shows is in the
-// decision of this tick. `challenge_seed` makes tokens differ between boards and boots.
+// One servo tick. Outputs are on only in Mode::render and Mode::direct, and only ARM_CONFIRM with the token
+// of a challenge that is at most limits.arming_window_ticks old leads there. Every fault that this tick shows
+// is in the decision of this tick. `challenge_seed` makes tokens differ between boards and boots.
 Decision supervise(const SupervisorState& state, const SupervisorInputs& inputs, const Limits& limits,
                    std::uint32_t challenge_seed);
 

@@ -30,6 +30,10 @@ class AllStates : public ::testing::Test {
     limits.soft_start_ticks = 2;
     limits.force_step_N = 8.5f;
     limits.model_fade_ticks = 2;
+    limits.direct_force_step_N = 5.0f;
+    limits.direct_hold_ticks = 2;
+    limits.direct_fade_ticks = 2;
+    limits.direct_lost_ticks = 3;
     limits.calibration_ticks = 2;
     limits.over_current_ticks = 2;
     limits.missed_deadline_weight = 2;
@@ -59,6 +63,10 @@ class AllStates : public ::testing::Test {
     add([](auto& in) { in.elapsed_ticks = 4; });
     add([](auto& in) { in.model_sequence = 0; });
     add([](auto& in) { in.model_age_ticks = 11; });
+    add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
+    add([](auto& in) { in.direct_age_ticks = 9, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
+    add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N.x = kNan; });
+    add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N.x = 1e6f; });
     add([&](auto& in) { in.measured_current_A[0] = 10.0f * limits.motor_current_A[0]; });
     return all;
   }
@@ -75,8 +83,8 @@ class AllStates : public ::testing::Test {
   struct Before {
     static auto key(const SupervisorState& s) {
       return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
-                             s.over_current_ticks, s.missed_deadline_level, s.position_trusted, s.force_N.x,
-                             s.force_N.y, s.force_N.z);
+                             s.token_is_direct, s.over_current_ticks, s.missed_deadline_level,
+                             s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z);
     }
     bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
   };
@@ -88,30 +96,36 @@ TEST_F(AllStates, KeepTheRules) {
   std::set<SupervisorState, Before> seen{SupervisorState{}};
   std::deque<SupervisorState> open{SupervisorState{}};
   std::size_t edges = 0;
-  std::array<bool, 5> mode_seen{};
+  std::array<bool, 6> mode_seen{};
   while (!open.empty()) {
     const SupervisorState state = open.front();
     open.pop_front();
     mode_seen[static_cast<std::size_t>(state.mode)] = true;
     for (SupervisorInputs in : inputs) {
-      for (std::uint8_t number = 0; number <= 8; ++number) {
-        // 7 is no action; 8 stands for a confirmation with another token.
-        const bool wrong_token = number == 8;
+      for (std::uint8_t number = 0; number <= 9; ++number) {
+        // 8 is no action; 9 stands for a confirmation with another token.
+        const bool wrong_token = number == 9;
         const Action action = wrong_token ? Action::arm_confirm : static_cast<Action>(number);
         in.command = {action, wrong_token ? state.token + 1 : state.token};
         const Decision decision = supervise(state, in, limits, kSeed);
         const SupervisorState& next = decision.state;
         ++edges;
 
-        ASSERT_EQ(decision.outputs_on, next.mode == Mode::render);
+        ASSERT_EQ(decision.outputs_on, next.mode == Mode::render || next.mode == Mode::direct);
         ASSERT_EQ(next.faults != 0, next.mode == Mode::fault);
         if (!decision.outputs_on) {
           ASSERT_EQ(next.force_N, Vec3f{});
         }
         ASSERT_TRUE(is_finite(next.force_N));
-        ASSERT_LE(norm(next.force_N), limits.peak_force_N + kForceRounding_N);
+        const float peak_N = next.mode == Mode::direct ? limits.direct_force_N : limits.peak_force_N;
+        ASSERT_LE(norm(next.force_N), peak_N + kForceRounding_N);
         // One door: outputs come on by a confirmation with the open token in idle, within its window.
-        if (decision.outputs_on && state.mode != Mode::render) {
+        // They never go from one source of forces to the other.
+        if (decision.outputs_on && outputs_on(state.mode)) {
+          ASSERT_EQ(next.mode, state.mode);
+        }
+        if (decision.outputs_on && !outputs_on(state.mode)) {
+          ASSERT_EQ(next.mode == Mode::direct, state.token_is_direct);
           ASSERT_TRUE(state.mode == Mode::idle || state.mode == Mode::calibrate || state.mode == Mode::boot);
           ASSERT_EQ(action, Action::arm_confirm);
           ASSERT_FALSE(wrong_token);
@@ -127,7 +141,8 @@ TEST_F(AllStates, KeepTheRules) {
           ASSERT_EQ(next.mode, Mode::fault);
           ASSERT_EQ(next.faults & state.faults, state.faults);
         }
-        if (action == Action::stop || in.emergency_stop_open || !is_finite(in.force_N)) {
+        if (action == Action::stop || in.emergency_stop_open || !is_finite(in.force_N) ||
+            !is_finite(in.direct_force_N)) {
           ASSERT_EQ(next.mode, Mode::fault);
         }
         if (state.mode == Mode::fault && next.mode != Mode::fault) {

@@ -79,6 +79,9 @@ void Endpoint::dispatch(const wire::Frame& frame) {
     case wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier:
       status = take_trace_request(frame);
       break;
+    case wire::MessageTraits<palpate_DirectForce_1_0>::kSpecifier:
+      status = take_direct_force(frame);
+      break;
     case wire::MessageTraits<palpate_Command_Request_1_0>::kSpecifier:
       status = take_command(frame);
       break;
@@ -113,6 +116,9 @@ Status Endpoint::send_info(const wire::Frame& frame) {
   info.basis_slots = kBasisSlots;
   info.tick_rate_Hz = kServoRate_Hz;
   info.tip_history_ticks = kTipHistory;
+  info.direct_force_N = limits_.direct_force_N;
+  info.direct_force_step_N = limits_.direct_force_step_N;
+  info.direct_hold_ticks = static_cast<std::uint16_t>(limits_.direct_hold_ticks);
   (void)send(info, response<palpate_GetInfo_Response_1_0>({frame.header.source, frame.header.transfer_id}));
   return Status::ok;
 }
@@ -120,14 +126,26 @@ Status Endpoint::send_info(const wire::Frame& frame) {
 Status Endpoint::take_trace_request(const wire::Frame& frame) {
   palpate_TraceRequest_1_0 request;
   if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
-  if (request.count > kTipHistory || request.form > palpate_TraceRequest_1_0_FORM_TIP || request.ticks == 0 ||
-      request.ticks > wire::kMaxTraceTicks)
+  const bool device = request.form == palpate_TraceRequest_1_0_FORM_DEVICE;
+  if (request.count > kTipHistory || request.form > palpate_TraceRequest_1_0_FORM_DEVICE ||
+      request.ticks == 0 || request.ticks > wire::kMaxTraceTicks || (device && request.count != 0))
     return Status::payload_malformed;
   if (request.count > 0 && request_count_ == requests_.size()) return Status::command_refused;
   if (request.count > 0) requests_[request_count_++] = {request.first_tick, request.count};
   trace_form_ = request.form;
   trace_ticks_ = request.ticks;
+  mailbox_.device_wanted.store(device, std::memory_order_relaxed);
   return Status::ok;
+}
+
+Status Endpoint::take_direct_force(const wire::Frame& frame) {
+  palpate_DirectForce_1_0 message;
+  if (const Status status = wire::deserialize(frame.payload, message); status != Status::ok) return status;
+  const Vec3f force_N{message.force_N[0], message.force_N[1], message.force_N[2]};
+  if (!is_finite(force_N)) return Status::payload_malformed;
+  // Two programs at once: the one that armed is obeyed.
+  if (frame.header.source != direct_node_) return Status::command_refused;
+  return mailbox_.direct_forces.push(force_N) ? Status::ok : Status::command_refused;
 }
 
 void Endpoint::note(const ModelReport& report) {
@@ -175,6 +193,8 @@ void Endpoint::send_replies() {
   CommandReply reply;
   while (mailbox_.replies.pop(reply)) {
     if (reply.outcome.status != Status::ok) counters_.last_status = reply.outcome.status;
+    if (reply.outcome.action == Action::arm_confirm && reply.outcome.status == Status::ok)
+      direct_node_ = reply.requester.node;
     palpate_Command_Response_1_0 message{};
     message.status = static_cast<std::uint8_t>(reply.outcome.status);
     message.mode = static_cast<std::uint8_t>(reply.mode);
@@ -243,7 +263,31 @@ std::uint32_t Endpoint::send_tip_trace(std::uint32_t first_tick, std::uint32_t c
   return held;
 }
 
+void Endpoint::send_device_state() {
+  DeviceSample sample;
+  bool any = false;
+  while (mailbox_.device.pop(sample)) any = true;
+  if (!any || static_cast<std::int32_t>(sample.tick - next_device_tick_) < 0) return;
+  next_device_tick_ = sample.tick + trace_ticks_;
+  palpate_DeviceState_1_0 message{};
+  message.tick = sample.tick;
+  for (std::size_t i = 0; i < 3; ++i) {
+    message.tip_m[i] = sample.tip_m[i];
+    message.velocity_m_s[i] = sample.velocity_m_s[i];
+    message.force_N[i] = -sample.force_N[i];  // the body's to the hand's
+  }
+  message.mode = static_cast<std::uint8_t>(sample.mode);
+  message.flags = sample.flags;
+  message.faults = sample.faults;
+  (void)send(message, publication<palpate_DeviceState_1_0>(device_transfers_));
+}
+
 void Endpoint::send_traces() {
+  if (trace_form_ == palpate_TraceRequest_1_0_FORM_DEVICE) {
+    next_trace_tick_ = servo_.next_tick();  // whoever wants ticks again gets those to come
+    send_device_state();
+    return;
+  }
   for (std::uint32_t i = 0; i < kTracesPerRun; ++i) {
     const std::uint32_t ready = servo_.next_tick() - next_trace_tick_;
     if (ready < trace_ticks_) return;

@@ -31,10 +31,11 @@ inline constexpr std::size_t kPendingTraceRequests = 4;
 // Background context throughout; one owner.
 class Endpoint {
  public:
-  Endpoint(Renderer& renderer, const Servo& servo, Mailbox& mailbox, LinkBuffers& link,
+  Endpoint(Renderer& renderer, const Servo& servo, const Limits& limits, Mailbox& mailbox, LinkBuffers& link,
            const BoardIdentity& identity, std::uint32_t clock_Hz)
       : renderer_(renderer),
         servo_(servo),
+        limits_(limits),
         mailbox_(mailbox),
         link_(link),
         identity_(identity),
@@ -60,12 +61,14 @@ class Endpoint {
   Status take_command(const wire::Frame& frame);
   Status send_info(const wire::Frame& frame);
   Status take_trace_request(const wire::Frame& frame);
+  Status take_direct_force(const wire::Frame& frame);
   void note(const ModelReport& report);
   void note(const BasisStore::Event& event);
   void send_model_reports();
   void send_replies();
   void send_status();
   void send_traces();
+  void send_device_state();
   void resend_traces();
   // Sends first_tick and the ticks after it, at most `count`, in the form that was asked for. Returns how
   // many the history still held.
@@ -85,6 +88,7 @@ class Endpoint {
 
   Renderer& renderer_;
   const Servo& servo_;
+  const Limits& limits_;
   Mailbox& mailbox_;
   LinkBuffers& link_;
   BoardIdentity identity_;
@@ -95,7 +99,7 @@ class Endpoint {
   Counters counters_{};
   std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of
 
-  std::uint64_t trace_transfers_ = 0, tip_transfers_ = 0;
+  std::uint64_t trace_transfers_ = 0, tip_transfers_ = 0, device_transfers_ = 0;
   std::uint64_t status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
   std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
   std::uint32_t next_trace_tick_ = 0;
@@ -108,6 +112,9 @@ class Endpoint {
   };
   std::array<TickRange, kPendingTraceRequests> requests_{};
   std::size_t request_count_ = 0;
+  // Of a board as a plain device.
+  std::uint16_t direct_node_ = wire::kBroadcast;  // who armed it last; none
+  std::uint32_t next_device_tick_ = 0;
 
   // Scratch; too large for the stack. One trace at a time.
   static constexpr std::size_t kLargestPayload = wire::kLargestPayloadToHost;

@@ -70,7 +70,7 @@ class EndpointTest : public ::testing::Test {
   std::unique_ptr<Servo> servo_ =
       std::make_unique<Servo>(device::kPremium15, limits_, 1u, *renderer_, mailbox_);
   std::unique_ptr<Endpoint> endpoint_ = std::make_unique<Endpoint>(
-      *renderer_, *servo_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3"}, kClock_Hz);
+      *renderer_, *servo_, limits_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3"}, kClock_Hz);
   HostPeer host_{*link_};
   ServoTiming timing_{};
   ServoSensors sensors_{};
@@ -204,7 +204,7 @@ TEST_F(EndpointTest, SendsAgainOnlyWhatTheHistoryHolds) {
 
 TEST_F(EndpointTest, RefusesTraceRequestsBeyondItsMeans) {
   const std::uint8_t tip = palpate_TraceRequest_1_0_FORM_TIP;
-  for (const auto& bad : {trace_request(0, kTipHistory + 1, tip, 8), trace_request(0, 1, 2, 8),
+  for (const auto& bad : {trace_request(0, kTipHistory + 1, tip, 8), trace_request(0, 1, 3, 8),
                           trace_request(0, 1, tip, 0), trace_request(0, 1, tip, 33)}) {
     host_.send(bad);
     ticks(2);

@@ -31,6 +31,13 @@ bool is_good(const palpate_ServoTrace_1_0& message) {
       if (!std::isfinite(coordinate_m)) return false;
   return true;
 }
+bool is_good(const palpate_DeviceState_1_0& message) {
+  bool good = true;
+  for (std::size_t i = 0; i < 3; ++i)
+    good = good && std::isfinite(message.tip_m[i]) && std::isfinite(message.velocity_m_s[i]) &&
+           std::isfinite(message.force_N[i]);
+  return good;
+}
 bool is_good(const palpate_TipTrace_1_0& message) {
   return wire::check_tips(message) == Status::ok;
 }
@@ -87,14 +94,18 @@ OutgoingFrame HostEndpoint::encode(const palpate_TraceRequest_1_0& message) {
   constexpr std::size_t kMostTicks = 256;  // palpate.TraceRequest
   check_range("TraceRequest.count", message.count, 0, kMostTicks);
   check_range("TraceRequest.form", message.form, palpate_TraceRequest_1_0_FORM_FULL,
-              palpate_TraceRequest_1_0_FORM_TIP);
+              palpate_TraceRequest_1_0_FORM_DEVICE);
   check_range("TraceRequest.ticks", message.ticks, 1, wire::kMaxTraceTicks);
   return encode_message(message);
 }
 
 OutgoingFrame HostEndpoint::encode(const palpate_Command_Request_1_0& message) {
   check_range("Command.action", message.action, palpate_Command_Request_1_0_NOTHING,
-              palpate_Command_Request_1_0_STOP);
+              palpate_Command_Request_1_0_ARM_DIRECT);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const palpate_DirectForce_1_0& message) {
   return encode_message(message);
 }
 
@@ -171,6 +182,9 @@ void HostEndpoint::take(wire::Frame frame, std::uint32_t tick, std::vector<Incom
       break;
     case wire::MessageTraits<palpate_BasisReport_1_0>::kSpecifier:
       decoded = decode<palpate_BasisReport_1_0>(frame, messages);
+      break;
+    case wire::MessageTraits<palpate_DeviceState_1_0>::kSpecifier:
+      decoded = decode<palpate_DeviceState_1_0>(frame, messages);
       break;
     case wire::MessageTraits<palpate_Command_Response_1_0>::kSpecifier:
       decoded = decode_response<CommandResponse>(frame, messages);

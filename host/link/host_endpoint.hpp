@@ -32,9 +32,9 @@ struct InfoResponse {
   palpate_GetInfo_Response_1_0 message{};
 };
 
-using Incoming =
-    std::variant<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
-                 palpate_ModelReport_1_0, palpate_BasisReport_1_0, CommandResponse, InfoResponse>;
+using Incoming = std::variant<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
+                              palpate_ModelReport_1_0, palpate_BasisReport_1_0, palpate_DeviceState_1_0,
+                              CommandResponse, InfoResponse>;
 
 struct EndpointCounters {
   std::uint64_t frames_sent = 0;
@@ -73,6 +73,7 @@ class HostEndpoint {
   OutgoingFrame encode(const palpate_ModelPart_1_0& message);
   OutgoingFrame encode(const palpate_ModelState_1_0& message);
   OutgoingFrame encode(const palpate_TraceRequest_1_0& message);
+  OutgoingFrame encode(const palpate_DirectForce_1_0& message);
   OutgoingFrame encode(const palpate_Command_Request_1_0& message);
   OutgoingFrame encode(const palpate_GetInfo_Request_1_0& message);
   // Any payload under any specifier (wire/ports.hpp): for tests of what the board refuses.

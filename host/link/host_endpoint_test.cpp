@@ -213,11 +213,11 @@ TEST(HostEndpoint, UnencodableMessagesNameFieldValueAndRange) {
                     .first_tick = 0, .count = count, .form = form, .ticks = ticks}] { host.encode(message); };
   };
   expect_refused("TraceRequest.count is 257, allowed 0..256", request(257, 0, 4));
-  expect_refused("TraceRequest.form is 2, allowed 0..1", request(1, 2, 4));
+  expect_refused("TraceRequest.form is 3, allowed 0..2", request(1, 3, 4));
   expect_refused("TraceRequest.ticks is 0, allowed 1..32", request(1, 0, 0));
   expect_refused("TraceRequest.ticks is 33, allowed 1..32", request(1, 0, 33));
-  expect_refused("Command.action is 7, allowed 0..6",
-                 [&] { host.encode(palpate_Command_Request_1_0{.action = 7, ._token = 0}); });
+  expect_refused("Command.action is 8, allowed 0..7",
+                 [&] { host.encode(palpate_Command_Request_1_0{.action = 8, ._token = 0}); });
   EXPECT_EQ(host.counters().frames_sent, 0u);
   EXPECT_THROW(HostEndpoint(EndpointOptions{.node = 5, .board = 5}), std::invalid_argument);
 }

@@ -130,6 +130,16 @@ palpate_GetInfo_Response_1_0 sample_info() {
   return info;
 }
 
+palpate_DeviceState_1_0 sample_device_state() {
+  return {.tick = 1200,
+          .tip_m = {0.125f, -0.5f, 0.0f},
+          .velocity_m_s = {0.0f, 0.25f, -1.0f},
+          .force_N = {0.0f, 0.0f, 2.5f},
+          .mode = palpate_BoardStatus_1_0_MODE_DIRECT,
+          .flags = palpate_ServoSample_1_0_FLAG_DIRECT,
+          .faults = 0x0102};
+}
+
 void write_samples(link::FramingKind kind) {
   link::HostEndpoint host({.framing = kind});
   const std::unique_ptr<link::Framing> board = link::make_framing(kind);
@@ -145,6 +155,8 @@ void write_samples(link::FramingKind kind) {
                    wire::kHostNode, 0);
   write_from_board(*board, sample_info(), wire::kHostNode, 0);
   write_from_board(*board, sample_basis_report(), wire::kBroadcast, 2);
+  write_from_board(*board, sample_device_state(), wire::kBroadcast, 7);
+  write(host.encode(palpate_DirectForce_1_0{.force_N = {0.5f, -0.25f, 1.0f}}).bytes);
   write(host.encode(sample_state()).bytes);
   write(host.encode(sample_part()).bytes);
   write(
@@ -192,9 +204,9 @@ void print(const wire::Frame& frame) {
   const std::string decoded =
       again_by_specifier<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
                          palpate_ModelReport_1_0, palpate_BasisReport_1_0, palpate_ModelState_1_0,
-                         palpate_ModelPart_1_0, palpate_TraceRequest_1_0, palpate_Command_Request_1_0,
-                         palpate_Command_Response_1_0, palpate_GetInfo_Request_1_0,
-                         palpate_GetInfo_Response_1_0>(frame);
+                         palpate_ModelPart_1_0, palpate_TraceRequest_1_0, palpate_DirectForce_1_0,
+                         palpate_DeviceState_1_0, palpate_Command_Request_1_0, palpate_Command_Response_1_0,
+                         palpate_GetInfo_Request_1_0, palpate_GetInfo_Response_1_0>(frame);
   std::printf(
       "{\"priority\": %u, \"source\": %u, \"destination\": %u, \"specifier\": %u, \"transfer_id\": %llu, "
       "\"payload\": \"%s\", \"decoded\": \"%s\"}\n",

@@ -1,6 +1,15 @@
 #include "host/session/arming.hpp"
 
 namespace palpate::host {
+namespace {
+
+// It renders, be it for another program, or a person has to look after it.
+bool needs_no_arming(std::uint8_t mode) {
+  return mode == palpate_BoardStatus_1_0_MODE_RENDER || mode == palpate_BoardStatus_1_0_MODE_DIRECT ||
+         mode == palpate_BoardStatus_1_0_MODE_FAULT;
+}
+
+}  // namespace
 
 std::optional<palpate_Command_Request_1_0> Arming::poll(std::uint32_t tick) {
   if (done_ || !idle_) return std::nullopt;
@@ -16,14 +25,11 @@ std::optional<palpate_Command_Request_1_0> Arming::poll(std::uint32_t tick) {
 
 void Arming::take(const palpate_BoardStatus_1_0& status) {
   if (status.mode == palpate_BoardStatus_1_0_MODE_IDLE) idle_ = true;
-  if (status.mode == palpate_BoardStatus_1_0_MODE_RENDER || status.mode == palpate_BoardStatus_1_0_MODE_FAULT)
-    done_ = true;
+  if (needs_no_arming(status.mode)) done_ = true;
 }
 
 void Arming::take(const palpate_Command_Response_1_0& response) {
-  if (response.mode == palpate_BoardStatus_1_0_MODE_RENDER ||
-      response.mode == palpate_BoardStatus_1_0_MODE_FAULT)
-    done_ = true;
+  if (needs_no_arming(response.mode)) done_ = true;
   if (!done_ && response.status == static_cast<std::uint8_t>(Status::ok)) token_ = response._token;
 }
 

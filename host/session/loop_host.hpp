@@ -102,6 +102,7 @@ class LoopHost {
   void take(const palpate_BasisReport_1_0& report);
   void take(const link::CommandResponse& response) { arming_.take(response.message); }
   void take(const link::InfoResponse&) {}
+  void take(const palpate_DeviceState_1_0&) {}  // asked for by other programs
 
   ClosedLoopConfig config_;
   link::HostEndpoint endpoint_;

@@ -8,6 +8,8 @@
 #include "palpate/BasisReport_1_0.h"
 #include "palpate/BoardStatus_1_0.h"
 #include "palpate/Command_1_0.h"
+#include "palpate/DeviceState_1_0.h"
+#include "palpate/DirectForce_1_0.h"
 #include "palpate/GetInfo_1_0.h"
 #include "palpate/ModelPart_1_0.h"
 #include "palpate/ModelReport_1_0.h"
@@ -64,6 +66,14 @@ template <>
 struct MessageTraits<palpate_TraceRequest_1_0>
     : BasicMessageTraits<message_specifier(kTraceRequestSubject),
                          palpate_TraceRequest_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+template <>
+struct MessageTraits<palpate_DirectForce_1_0>
+    : BasicMessageTraits<message_specifier(kDirectForceSubject),
+                         palpate_DirectForce_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
+template <>
+struct MessageTraits<palpate_DeviceState_1_0>
+    : BasicMessageTraits<message_specifier(kDeviceStateSubject),
+                         palpate_DeviceState_1_0_SERIALIZATION_BUFFER_SIZE_BYTES_> {};
 template <>
 struct MessageTraits<palpate_Command_Request_1_0>
     : BasicMessageTraits<request_specifier(kCommandService),

@@ -166,6 +166,14 @@ TEST(Messages, SmallMessagesRoundTrip) {
   expect_round_trip(palpate_TraceRequest_1_0{.first_tick = 77, .count = 256, .form = 1, .ticks = 8});
   expect_round_trip(
       palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_ARM_CONFIRM, ._token = 0x12345678});
+  expect_round_trip(palpate_DirectForce_1_0{.force_N = {1.0f, -2.0f, 0.5f}});
+  expect_round_trip(palpate_DeviceState_1_0{.tick = 7,
+                                            .tip_m = {1.0f, -2.0f, 0.5f},
+                                            .velocity_m_s = {0.1f, 0.2f, 0.3f},
+                                            .force_N = {3.0f, 2.0f, 1.0f},
+                                            .mode = 5,
+                                            .flags = 16,
+                                            .faults = 0x8001});
   expect_round_trip(palpate_Command_Response_1_0{.status = 49, .mode = 1, ._token = 0});
   palpate_GetInfo_Response_1_0 info{};
   info.schema_hash = kSchemaHash;

@@ -16,9 +16,11 @@ inline constexpr std::uint16_t kBoardStatusSubject = 1601;   // board to host, p
 inline constexpr std::uint16_t kModelReportSubject = 1602;   // board to host, palpate.ModelReport
 inline constexpr std::uint16_t kBasisReportSubject = 1603;   // board to host, palpate.BasisReport
 inline constexpr std::uint16_t kTipTraceSubject = 1604;      // board to host, palpate.TipTrace
+inline constexpr std::uint16_t kDeviceStateSubject = 1605;   // board to host, palpate.DeviceState
 inline constexpr std::uint16_t kModelStateSubject = 1610;    // host to board, palpate.ModelState
 inline constexpr std::uint16_t kTraceRequestSubject = 1611;  // host to board, palpate.TraceRequest
 inline constexpr std::uint16_t kModelPartSubject = 1612;     // host to board, palpate.ModelPart
+inline constexpr std::uint16_t kDirectForceSubject = 1613;   // host to board, palpate.DirectForce
 // Services of the board: a request and its response.
 inline constexpr std::uint16_t kCommandService = 300;  // palpate.Command
 inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo

@@ -74,6 +74,7 @@ struct ToDict {
     result["tip_history_ticks"] = info.tip_history_ticks;
   }
   void operator()(const palpate_TipTrace_1_0&) { result["message"] = "TipTrace"; }
+  void operator()(const palpate_DeviceState_1_0&) { result["message"] = "DeviceState"; }
   void operator()(const palpate_ModelReport_1_0&) { result["message"] = "ModelReport"; }
   void operator()(const palpate_BasisReport_1_0&) { result["message"] = "BasisReport"; }
 };

@@ -14,7 +14,7 @@ from palpate.paths import SCENES
 if TYPE_CHECKING:
     from palpate.gui.app import App
 
-MODES = ("boot", "idle", "calibrate", "render", "fault")
+MODES = ("boot", "idle", "calibrate", "render", "fault", "direct")
 # Bits of BoardStatus.faults (docs/safety.md).
 FAULTS = (
     "emergency stop", "stop command", "not a number", "encoder jump", "over speed", "outside workspace",
@@ -22,7 +22,7 @@ FAULTS = (
 )  # fmt: skip
 _MODE_COLOURS = {
     "boot": (0.75, 0.75, 0.75, 1.0), "idle": (0.55, 0.75, 1.0, 1.0), "calibrate": (0.80, 0.70, 1.0, 1.0),
-    "render": (0.45, 0.95, 0.55, 1.0), "fault": (1.0, 0.45, 0.40, 1.0),
+    "render": (0.45, 0.95, 0.55, 1.0), "direct": (0.45, 0.85, 0.95, 1.0), "fault": (1.0, 0.45, 0.40, 1.0),
 }  # fmt: skip
 _STOP = (0.80, 0.10, 0.10, 1.0)
 _BAD = (1.0, 0.45, 0.40, 1.0)
