@@ -123,7 +123,7 @@ TickReport App<Board>::report(const ServoOutput& output) const {
           .force_N = output.force_N,
           .contact_mode = static_cast<std::uint32_t>(output.sample.mode),
           .triangle = output.sample.triangle,
-          .barycentric = output.sample.barycentric,
+          .barycentric = renderer_.contact_barycentric(),
           .normal = renderer_.contact_normal(),
           .mode = static_cast<std::uint32_t>(output.mode),
           .faults = output.faults,

@@ -73,7 +73,6 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     slot.tick = tick;
     sample.force_N = slot.contact.force_N;
     sample.mode = slot.contact.mode;
-    sample.barycentric = slot.contact.barycentric;
     sample.triangle = slot.view.triangle_id[slot.contact.triangle];
     sample.flags |= kFlagModelUsed;
   }
@@ -473,6 +472,11 @@ Vec3f Renderer::contact_normal() const {
   if (!have_model_.load(std::memory_order_relaxed)) return {};
   const ContactState<float>& contact = slots_[active_.load(std::memory_order_relaxed)].contact;
   return contact.mode == ContactMode::free ? Vec3f{} : contact.normal;
+}
+
+Vec3f Renderer::contact_barycentric() const {
+  if (!have_model_.load(std::memory_order_relaxed)) return {};
+  return slots_[active_.load(std::memory_order_relaxed)].contact.barycentric;
 }
 
 std::uint32_t Renderer::model_valid_ticks() const {

@@ -63,7 +63,6 @@ struct ServoSample {
   ContactMode mode = ContactMode::free;
   std::uint8_t flags = 0;      // palpate.ServoSample FLAG_*
   std::uint16_t triangle = 0;  // the body's own number
-  Vec3f barycentric{};
 };
 
 struct ModelReport {
@@ -114,6 +113,8 @@ class Renderer {
   [[nodiscard]] std::uint32_t model_age_ticks() const;  // ticks since the active model's own tick
   // Unit outward normal in which the force of the newest tick was found; zero when free.
   [[nodiscard]] Vec3f contact_normal() const;
+  // Where on its triangle the contact of the newest tick is; zero without a model.
+  [[nodiscard]] Vec3f contact_barycentric() const;
   [[nodiscard]] std::uint32_t catch_up_ticks() const;  // that the shadow lags behind; 0: none is catching up
   // Does the active model want the tip between encoder counts (palpate.ModelState TIP_ESTIMATED)?
   [[nodiscard]] bool estimates_tip() const;

@@ -35,7 +35,6 @@ inline void expect_equal(const ServoSample& a, const ServoSample& b, std::uint32
   EXPECT_EQ(a.mode, b.mode) << tick;
   EXPECT_EQ(a.flags, b.flags) << tick;
   EXPECT_EQ(a.triangle, b.triangle) << tick;
-  EXPECT_EQ(a.barycentric, b.barycentric) << tick;
 }
 
 // A model, quantized as the board has it, stepped directly.
