@@ -9,12 +9,12 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 
 #include "host/link/fault_plan.hpp"
 #include "host/link/medium.hpp"
 #include "host/plant/plant.hpp"
 #include "host/session/closed_loop_config.hpp"
+#include "host/session/emulated_device.hpp"
 #include "host/session/lockstep_peer.hpp"
 #include "host/session/loop_host.hpp"
 #include "host/session/loop_record.hpp"
@@ -30,11 +30,11 @@ class ClosedLoop {
              link::Medium& down, link::Medium& up, const ClosedLoopConfig& config);
 
   // The next servo tick.
-  [[nodiscard]] std::uint32_t tick() const { return tick_; }
+  [[nodiscard]] std::uint32_t tick() const { return device_.tick(); }
   // Runs it, and those after it whose deadlines the board missed.
   LoopTick advance();
   // Tells the board to end.
-  void shut_down();
+  void shut_down() { device_.shut_down(); }
 
   [[nodiscard]] LoopHost& host() { return host_; }
   [[nodiscard]] const LoopHost& host() const { return host_; }
@@ -52,14 +52,12 @@ class ClosedLoop {
   [[nodiscard]] lockstep::SensorFrame sensors();
 
   plant::Plant& plant_;
-  LockstepPeer& board_;
+  EmulatedDevice device_;
   link::Medium &down_, &up_;
   ClosedLoopConfig config_;
   LoopHost host_;
   link::FaultPlan faults_down_, faults_up_;
   std::size_t next_grip_ = 0;
-  std::deque<std::uint8_t> to_board_;  // arrived, and not in the exchange yet
-  std::uint32_t tick_ = 0;
   bool emergency_stop_ = false, unplugged_ = false, burn_ = false;
 };
 

@@ -12,8 +12,8 @@
 namespace palpate::host {
 namespace {
 
-// While paused, and at most that long between two looks at the controls.
-constexpr std::chrono::milliseconds kPause{5};
+using Clock = std::chrono::steady_clock;
+
 constexpr double kAtPath_m = 1e-4;  // the hand is there, and the path begins
 
 ClosedLoopConfig without_script(ClosedLoopConfig config) {
@@ -65,12 +65,7 @@ void LiveLoop::stop() {
 void LiveLoop::run() {
   std::string error;
   try {
-    auto began = Clock::now();
-    std::uint32_t began_tick = loop_.tick();
-    const auto begin_anew = [&] {
-      began = Clock::now();
-      began_tick = loop_.tick();
-    };
+    pacer_.begin(loop_.tick());
     while (!stop_) {
       std::vector<std::function<void()>> controls;
       {
@@ -80,35 +75,23 @@ void LiveLoop::run() {
       const double speed_before = speed_;
       for (const auto& control : controls) control();
       if (speed_ <= 0.0) {
-        std::this_thread::sleep_for(kPause);
-        begin_anew();
+        std::this_thread::sleep_for(Pacer::kPause);
+        pacer_.begin(loop_.tick());
         continue;
       }
-      if (speed_ != speed_before) begin_anew();
+      if (speed_ != speed_before) pacer_.begin(loop_.tick(), speed_);
 
       // A body that takes longer than its time slows everything down: otherwise it would fall behind for
       // ever.
       if (loop_.host().busy_ticks(loop_.tick()) >= most_busy_ticks_ &&
-          !loop_.host().wait_until_computed(kPause))
+          !loop_.host().wait_until_computed(Pacer::kPause))
         continue;
 
-      const std::chrono::duration<double> should(static_cast<double>(loop_.tick() - began_tick) * kTick_s /
-                                                 speed_);
-      const auto due = began + std::chrono::duration_cast<Clock::duration>(should);
-      if (due - Clock::now() > kPause) {
-        std::this_thread::sleep_for(kPause);
-        continue;
-      }
-      std::this_thread::sleep_until(due);
+      const std::optional<double> late_s = pacer_.wait_for(loop_.tick());
+      if (!late_s) continue;
       const auto now = Clock::now();
       LiveTick tick;
-      const double behind_s = std::chrono::duration<double>(now - due).count();
-      tick.late_s = static_cast<float>(behind_s);
-      if (behind_s > kMostBehind_s) {
-        begin_anew();
-        const std::lock_guard lock(mutex_);
-        status_.slipped_s += behind_s;
-      }
+      tick.late_s = static_cast<float>(*late_s);
       plant_.guide(intended());
       tick.loop = loop_.advance();
       tick.took_s = std::chrono::duration<float>(Clock::now() - now).count();
@@ -169,6 +152,7 @@ void LiveLoop::publish(const LiveTick& tick) {
   }
   publish_updates();
   status_.tick = loop_.tick();
+  status_.slipped_s = pacer_.slipped_s();
   status_.counters = loop_.host().counters();
   status_.board = loop_.host().board_status();
   status_.down = down_->counters();

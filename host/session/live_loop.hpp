@@ -24,6 +24,7 @@
 #include "host/plant/hand_guide.hpp"
 #include "host/plant/plant.hpp"
 #include "host/session/closed_loop.hpp"
+#include "host/session/pacer.hpp"
 
 namespace palpate::host {
 
@@ -65,9 +66,7 @@ struct LiveStatus {
 
 class LiveLoop {
  public:
-  // Longest wall-clock delay that is made up for afterwards.
-  static constexpr double kMostBehind_s = 0.05;  // more would be seen as the loop running ahead in a hurry
-  static constexpr double kSlowest = 1e-3;       // but a pause
+  static constexpr double kSlowest = 1e-3;  // but a pause
   // Seconds, for a window that is being moved or a disk that stalls; some megabytes.
   static constexpr std::size_t kMostTicks = 4000, kMostUpdates = 1000;
   // A status of the board for a model is waited for that long before its row is given away as it is: longer
@@ -112,7 +111,6 @@ class LiveLoop {
   [[nodiscard]] LiveStatus status() const;
 
  private:
-  using Clock = std::chrono::steady_clock;
   void run();
   void post(std::function<void()> control);
   [[nodiscard]] plant::PathPoint intended();
@@ -132,6 +130,7 @@ class LiveLoop {
   std::optional<double> path_began_s_;  // virtual time; none: the hand follows the guide
   bool going_to_path_ = false;
   double speed_ = 1.0;
+  Pacer pacer_;
   std::size_t updates_given_ = 0;
 
   mutable std::mutex mutex_;  // of what follows
