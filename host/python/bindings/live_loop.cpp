@@ -79,20 +79,20 @@ link::FaultKind fault_kind(const std::string& name) {
 }
 
 nb::dict take(LiveLoop& live) {
-  const std::vector<host::LiveTick> ticks = live.take_ticks();
+  const std::vector<host::LiveTick> ticks = live.feed().take_ticks();
   std::vector<host::LoopTick> rows;
   rows.reserve(ticks.size());
   for (const host::LiveTick& tick : ticks) rows.push_back(tick.loop);
   nb::dict result;
   add_ticks(result, rows);
-  add_updates(result, live.take_updates());
+  add_updates(result, live.feed().take_updates());
   result["wall/late_s"] = column<float>(ticks, [](const host::LiveTick& t) { return t.late_s; });
   result["wall/took_s"] = column<float>(ticks, [](const host::LiveTick& t) { return t.took_s; });
   return result;
 }
 
 nb::object picture(LiveLoop& live) {
-  const auto shown = live.take_picture();
+  const auto shown = live.feed().take_picture();
   if (!shown) return nb::none();
   nb::dict result;
   result["tick"] = shown->tick;
@@ -103,7 +103,7 @@ nb::object picture(LiveLoop& live) {
 }
 
 nb::dict status(const LiveLoop& live) {
-  const host::LiveStatus now = live.status();
+  const host::LiveStatus now = live.feed().status();
   nb::dict result;
   result["tick"] = now.tick;
   result["running"] = now.running;

@@ -27,4 +27,5 @@ NB_MODULE(_core, module) {
   palpate::python::bind_device(module);
   palpate::python::bind_endpoint(module);
   palpate::python::bind_live_loop(module);
+  palpate::python::bind_virtual_device(module);
 }

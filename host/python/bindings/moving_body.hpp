@@ -64,6 +64,7 @@ void bind_session(nb::module_& module);
 void bind_device(nb::module_& module);
 void bind_endpoint(nb::module_& module);
 void bind_live_loop(nb::module_& module);
+void bind_virtual_device(nb::module_& module);
 
 // Rows of a C-contiguous (n, 3) array; throws std::invalid_argument, naming it, where one is not finite.
 Eigen::Matrix3Xd to_columns(const Positions& rows, const char* name);

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from palpate.plant import Plant
     from palpate.scene import Scene, SceneError, load_scene, make_scene
     from palpate.session import Session, Update
+    from palpate.virtual_device import VirtualDevice, VirtualDeviceState
 
 # Of host and firmware alike: CMake and the wheel read the same file.
 __version__ = (Path(__file__).parent / "VERSION").read_text("utf-8").strip()
@@ -33,6 +34,7 @@ _HOMES = {
     "plant": ("Plant",),
     "scene": ("Scene", "SceneError", "load_scene", "make_scene"),
     "session": ("Session", "Update"),
+    "virtual_device": ("VirtualDevice", "VirtualDeviceState"),
 }
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -55,6 +57,8 @@ __all__ = [
     "Touch",
     "Uart",
     "Update",
+    "VirtualDevice",
+    "VirtualDeviceState",
     "__version__",
     "build_model",
     "load_scene",

@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -179,6 +179,17 @@ def build_parser() -> argparse.ArgumentParser:
     gui.add_argument("--screenshot", type=Path, metavar="PNG", help="write the window's last picture")
     gui.add_argument("--size", default="1280x800", metavar="WxH", help="of the window in pixels (default: 1280x800)")
     add_out(gui, "out/gui")
+    device = add("device", "offer a board with arm and hand, without hardware, at a link that any program can open")
+    device.add_argument(
+        "scene", type=Path, nargs="?", default=SCENES / "demo.toml", metavar="SCENE", help="scene in TOML (default: the demo's)"
+    )
+    add_set(device)
+    device.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
+    device.add_argument(
+        "--link", default="pty:", metavar="ADDRESS", help="pty: (default) or udp-listen:[HOST:]PORT; the address to open is the first line"
+    )
+    device.add_argument("--play", action="store_true", help="the hand follows the scene's path")
+    device.add_argument("--duration", type=float, metavar="S", help="end after so many seconds (default: when it is interrupted)")
     choose = add("choose", "show what the rule makes of a scene's \"auto\", and why, line by line")
     add_scene(choose)
     add_board(choose)
@@ -495,6 +506,24 @@ def _gui(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _device(arguments: argparse.Namespace) -> int:
+    from palpate.virtual_device import run_device
+
+    scene = _load_scene(arguments.scene, arguments.set)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    numbers = run_device(
+        scene, arguments.board, arguments.link, arguments.play, arguments.duration, lambda address: print(address, file=table, flush=True)
+    )
+    print(
+        f"{numbers['ticks']} servo ticks, mode {numbers['mode']}; {numbers['bytes_received']:,} bytes in, "
+        f"{numbers['bytes_sent']:,} out",
+        file=table,
+    )
+    if arguments.json:
+        print(json.dumps(numbers, allow_nan=False))
+    return OK
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     from palpate.frontier import command
 
@@ -584,6 +613,7 @@ def main(argv: Sequence[str]) -> int:
             "reduce": _reduce,
             "bench": _bench,
             "gui": _gui,
+            "device": _device,
             "choose": _choose,
             "doctor": _doctor,
             "completion": _completion,

@@ -28,6 +28,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png",
     ),
     "fuzz": ("./run fuzz board --runs 2000", "./run fuzz all --json"),
+    "device": (
+        "./run device",
+        "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10",
+    ),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),
     "test": ("./run test --quick",),

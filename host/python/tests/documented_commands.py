@@ -87,6 +87,10 @@ TESTED = {
     "./run simulate SCENE.toml": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "palpate simulate": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "./run gui": "hil_tests/test_gui.py::test_touch_and_look",
+    "./run device": "hil_tests/test_device_api.py::test_the_command_says_its_address_and_ends_when_interrupted",
+    "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10": (
+        "hil_tests/test_device_api.py::test_the_command_over_udp_as_json"
+    ),
     "./run gui [SCENE.toml]": "hil_tests/test_gui.py::test_touch_and_look",
     "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5": (
         "hil_tests/test_gui.py::test_controls_by_script"

@@ -35,7 +35,7 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 def test_help_lists_the_commands() -> None:
     done = palpate("--help")
     assert done.returncode == 0
-    for command in ("demo", "run", "replay", "plot", "simulate", "reproduce", "reduce", "bench", "choose", "doctor", "completion", "test"):
+    for command in ("demo", "run", "replay", "plot", "simulate", "reproduce", "reduce", "bench", "choose", "gui", "device", "doctor", "completion", "test"):
         assert re.search(rf"\n    {command}\s", done.stdout)
         helped = palpate(command, "--help")
         assert helped.returncode == 0

@@ -1,0 +1,168 @@
+"""A device without hardware, in real time: the firmware on its board, an arm in a hand, and a link of the operating system at
+which any program finds the board as it would find a real one.
+
+    with VirtualDevice(load_scene(file)) as device:
+        print(device.address)  # serial:/dev/pts/3
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate import _core
+from palpate.body import Floats, vector3
+from palpate.board_link import MODES
+from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
+from palpate.scene import Scene, SceneError
+
+PSEUDO_TERMINAL = "pty:"
+_SIGN_S = 1.0  # between two looks at the tick, for the watchdog
+_SHOW_S = 0.2  # between two lines of the command
+
+
+@dataclass(frozen=True)
+class VirtualDeviceState:
+    """The newest tick. tip_m: where the tip is, not what the encoders say; hand_force_N: of the hand on the tool; force_N: that
+    the tip pushes the hand with, after the board's limits; all (3,), device frame. mode: one of `board_link.MODES`. slipped_s:
+    wall-clock time that went on without the device, on a computer too busy for it."""
+
+    tick: int
+    mode: str
+    faults: int
+    outputs_on: bool
+    tip_m: Floats
+    hand_force_N: Floats
+    force_N: Floats
+    slipped_s: float
+    bytes_sent: int
+    bytes_received: int
+    frames_unsent: int
+
+
+class VirtualDevice:
+    """A running device. Use as a context manager; any thread. Of the scene it takes [path], [hand] and [device]: the hand
+    stays at the path's beginning, or at the arm's reference point where there is none, until play_path() or guide_hand().
+
+    link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port. board: a name in `hil.BOARDS`. Raises SceneError
+    for bad scenes and links, BoardError where the board cannot be started.
+    """
+
+    def __init__(
+        self, scene: Scene, board: str = "native", link: str = PSEUDO_TERMINAL, watchdog_s: float = WATCHDOG_S
+    ) -> None:
+        if board not in BOARDS:
+            raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
+        self._scene = scene
+        self._link = link
+        values = scene.to_dict()
+        values["hand"]["kind"] = "impedance"
+        if values["path"] is None:
+            values["path"] = {"interpolation": "minimum_jerk", "time_s": np.zeros(1), "position_m": np.zeros((1, 3))}
+        self._dict = values
+        self._board = Board(BOARDS[board], watchdog_s)
+        self._ended = threading.Event()
+
+    def __enter__(self) -> Self:
+        self._board.__enter__()
+        try:
+            self._core = _core.VirtualDevice(self._dict, self._board.actuator_fd, self._board.sensor_fd, self._link)
+            self._core.start()
+        except (ValueError, RuntimeError) as error:
+            self._board.__exit__(type(error), error, None)
+            raise SceneError(f"{self._scene.file}: {error}") from None
+        self._winder = threading.Thread(target=self._wind_on, name="virtual device watchdog", daemon=True)
+        self._winder.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._core.stop()
+        self._ended.set()
+        self._winder.join()
+        failed = BoardError(self._core.state["error"]) if self._core.state["error"] else error
+        self._board.__exit__(type(failed) if failed else None, failed, trace)
+
+    def _wind_on(self) -> None:
+        before = -1
+        while not self._ended.wait(_SIGN_S):
+            tick = self._core.state["tick"]
+            if tick != before:
+                self._board.sign_of_life(tick)
+            before = tick
+
+    @property
+    def address(self) -> str:
+        """Of the link, as another program opens it: "serial:/dev/pts/3"."""
+        return self._core.address.replace("udp-listen:0.0.0.0:", "udp:127.0.0.1:").replace("udp-listen:", "udp:")
+
+    @property
+    def state(self) -> VirtualDeviceState:
+        """The newest tick. Raises BoardError where the board has failed."""
+        now = self._core.state
+        if now["error"]:
+            raise BoardError(self._board.failure() or now["error"])
+        names = VirtualDeviceState.__dataclass_fields__
+        values: dict[str, Any] = {name: now[name] for name in names}
+        values["mode"] = MODES[now["mode"]]
+        values["force_N"] = -now["force_N"].astype(np.float64)  # the firmware's is that of the tip on the body
+        return VirtualDeviceState(**values)
+
+    def guide_hand(self, target_m: ArrayLike) -> bool:
+        """Where the hand shall go; smoothed, at most 0.5 m/s. False, and no effect, where the arm cannot reach."""
+        return self._core.guide_hand(*vector3("target_m", target_m).tolist())
+
+    def play_path(self) -> None:
+        """The hand follows the scene's path from its beginning."""
+        self._core.play_path()
+
+    def set_emergency_stop(self, is_open: bool) -> None:
+        """Opens or closes the chain of the emergency stop at the board."""
+        self._core.set_emergency_stop(is_open)
+
+
+def run_device(
+    scene: Scene, board: str, link: str, play: bool, duration_s: float | None, announce: Callable[[str], None]
+) -> dict[str, Any]:
+    """`palpate device`: until duration_s has passed or the program is interrupted. `announce` is told the address once the
+    device is there. Returns what `--json` prints (docs/device_api.md)."""
+    if duration_s is not None and not 0.0 < duration_s < 1e9:
+        raise SceneError(f"--duration = {duration_s:g}: must be in (0, 1e9) s")
+    with VirtualDevice(scene, board, link) as device:
+        announce(device.address)
+        if play:
+            device.play_path()
+        began_s = time.monotonic()
+        try:
+            while duration_s is None or time.monotonic() - began_s < duration_s:
+                time.sleep(_SHOW_S if duration_s is None else min(_SHOW_S, duration_s))
+                state = device.state
+                if sys.stderr.isatty():
+                    tip_mm, force_N = 1e3 * state.tip_m, float(np.linalg.norm(state.force_N))
+                    place = " ".join(f"{coordinate:7.2f}" for coordinate in tip_mm)
+                    print(f"\r\033[K{state.tick / 1000:9.1f} s  {state.mode:<9} tip {place} mm  force {force_N:5.2f} N  "
+                          f"link {state.bytes_received:,} B in, {state.bytes_sent:,} B out", end="", file=sys.stderr)  # fmt: skip
+        except KeyboardInterrupt:  # how one ends it
+            pass
+        finally:
+            if sys.stderr.isatty():
+                print(file=sys.stderr)
+        state = device.state
+        return {
+            "address": device.address,
+            "board": board,
+            "ticks": state.tick,
+            "mode": state.mode,
+            "faults": state.faults,
+            "slipped_s": state.slipped_s,
+            "bytes_sent": state.bytes_sent,
+            "bytes_received": state.bytes_received,
+            "frames_unsent": state.frames_unsent,
+        }
