@@ -27,12 +27,12 @@ HANGS_S = 120.0
 
 
 @contextlib.contextmanager
-def device_command(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def device_command(*arguments: str, stream: str = "stdout") -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The running command, and the address, which comes on the first line of that stream."""
     command = [sys.executable, "-m", "palpate", "device", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as process:
         try:
-            assert process.stdout is not None
-            yield process, process.stdout.readline().strip()
+            yield process, getattr(process, stream).readline().strip()
         finally:
             process.kill()
 
@@ -74,14 +74,13 @@ def test_the_command_says_its_address_and_ends_when_interrupted():
 
 
 def test_the_command_over_udp_as_json():
-    with device_command("--link", "udp-listen:127.0.0.1:0", "--duration", "3", "--play", "--json") as (process, line):
-        assert process.stderr is not None
-        address = process.stderr.readline().strip()
+    command = ("--link", "udp-listen:127.0.0.1:0", "--duration", "3", "--play", "--json")
+    with device_command(*command, stream="stderr") as (process, address):
         assert address.startswith("udp:127.0.0.1:")
         done = wall(address, 0.2)
         out, _ = process.communicate(timeout=HANGS_S)
         assert done.returncode == 0, done.stderr
-        numbers = json.loads(line + out)
+        numbers = json.loads(out)
         assert process.returncode == 0
         assert numbers["address"] == address
         assert numbers["bytes_received"] > 0 and numbers["ticks"] > 0

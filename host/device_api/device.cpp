@@ -1,5 +1,6 @@
 // palpate_device.h on the host's end of the link.
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -95,7 +96,7 @@ struct palpate_device {
     Lock lock(mutex);
     ask_for_info(lock);
     const auto begun = Clock::now();
-    while (!state) {
+    while (!state || state->mode == PALPATE_MODE_BOOT) {  // some 20 ms after it starts
       if (Clock::now() - begun > kOpenPatience) throw Problem{PALPATE_NO_BOARD, named("sends no states")};
       ask_for_states();
       changed.wait_for(lock, kRetry);
@@ -388,9 +389,10 @@ void palpate_device_close(palpate_device* device) {
 
 const char* palpate_device_error(const palpate_device* device) {
   if (device == nullptr) return opening_error.c_str();
-  thread_local std::string text;  // another thread's next call must not change it under the reader
-  text = const_cast<palpate_device*>(device)->error_text();
-  return text.c_str();
+  thread_local std::array<char, 512> text;  // another thread's next call must not change it under the reader
+  const std::string now = const_cast<palpate_device*>(device)->error_text();
+  text[now.copy(text.data(), text.size() - 1)] = '\0';
+  return text.data();
 }
 
 palpate_result palpate_device_get_info(palpate_device* device, palpate_device_info* info) {

@@ -44,15 +44,11 @@ LiveLoop::~LiveLoop() {
 
 void LiveLoop::start() {
   if (thread_.joinable() || stop_) throw std::logic_error("live loop: it has been started already");
-  {
-    const std::lock_guard lock(mutex_);
-    status_.running = true;
-  }
+  feed_.edit([](LiveStatus& status) { status.running = true; });
   try {
     thread_ = std::thread([this] { run(); });
   } catch (...) {
-    const std::lock_guard lock(mutex_);
-    status_.running = false;
+    feed_.edit([](LiveStatus& status) { status.running = false; });
     throw;
   }
 }
@@ -95,17 +91,27 @@ void LiveLoop::run() {
       plant_.guide(intended());
       tick.loop = loop_.advance();
       tick.took_s = std::chrono::duration<float>(Clock::now() - now).count();
-      publish(tick);
+      feed_.add(tick);
+      feed_.look_at(loop_.host(), loop_.tick());
+      feed_.edit([this](LiveStatus& status) {
+        status.slipped_s = pacer_.slipped_s();
+        status.down = down_->counters();
+        status.up = up_->counters();
+      });
     }
     loop_.shut_down();
   } catch (const std::exception& problem) {
     error = problem.what();
   }
-  const std::lock_guard lock(mutex_);
-  status_.running = false;
-  has_ended_ = true;
-  controls_.clear();
-  status_.error = std::move(error);
+  {
+    const std::lock_guard lock(mutex_);
+    has_ended_ = true;
+    controls_.clear();
+  }
+  feed_.edit([&error](LiveStatus& status) {
+    status.running = false;
+    status.error = std::move(error);
+  });
 }
 
 plant::PathPoint LiveLoop::intended() {
@@ -120,59 +126,6 @@ plant::PathPoint LiveLoop::intended() {
     path_began_s_ = plant_.time_s();
   }
   return point;
-}
-
-void LiveLoop::publish(const LiveTick& tick) {
-  std::shared_ptr<LivePicture> picture;
-  // A copy of the body costs time: not for nobody.
-  if (picture_wanted_ && !loop_.host().is_busy()) {
-    const Session& session = loop_.host().session();
-    std::uint32_t shown = 0;
-    bool none = true;
-    {
-      const std::lock_guard lock(mutex_);
-      if (picture_) {
-        none = false;
-        shown = picture_->tick;
-      }
-    }
-    if (none || session.tick() != shown)
-      picture = std::make_shared<LivePicture>(
-          LivePicture{session.tick(), session.state(), loop_.host().patch_nodes()});
-  }
-  const std::lock_guard lock(mutex_);
-  if (picture) {
-    picture_ = std::move(picture);
-    picture_wanted_ = false;
-  }
-  ticks_.push_back(tick);
-  if (ticks_.size() > kMostTicks) {
-    ticks_.pop_front();
-    ++status_.ticks_unseen;
-  }
-  publish_updates();
-  status_.tick = loop_.tick();
-  status_.slipped_s = pacer_.slipped_s();
-  status_.counters = loop_.host().counters();
-  status_.board = loop_.host().board_status();
-  status_.down = down_->counters();
-  status_.up = up_->counters();
-}
-
-void LiveLoop::publish_updates() {
-  // They are not kept for ever.
-  if (updates_given_ >= kMostUpdates) {
-    loop_.host().forget_updates(updates_given_);
-    updates_given_ = 0;
-  }
-  const std::vector<UpdateRecord>& all = loop_.host().updates();
-  for (; updates_given_ < all.size(); ++updates_given_) {
-    const UpdateRecord& update = all[updates_given_];
-    if (update.status == UpdateRecord::kNeverHeard && loop_.tick() < update.sent_tick + kUpdateSettles_ticks)
-      return;
-    updates_.push_back(update);
-    if (updates_.size() > kMostUpdates) updates_.pop_front();
-  }
 }
 
 void LiveLoop::post(std::function<void()> control) {
@@ -250,36 +203,6 @@ void LiveLoop::set_host_delay(std::uint32_t ticks) {
 void LiveLoop::set_speed(double speed) {
   if (speed != 0.0) plant::require_range("speed", speed, kSlowest, 10.0);
   post([this, speed] { speed_ = speed; });
-}
-
-std::vector<LiveTick> LiveLoop::take_ticks() {
-  std::deque<LiveTick> taken;
-  {
-    const std::lock_guard lock(mutex_);
-    taken.swap(ticks_);
-  }
-  return {taken.begin(), taken.end()};
-}
-
-std::vector<UpdateRecord> LiveLoop::take_updates() {
-  std::deque<UpdateRecord> taken;
-  {
-    const std::lock_guard lock(mutex_);
-    taken.swap(updates_);
-  }
-  return {taken.begin(), taken.end()};
-}
-
-std::shared_ptr<const LivePicture> LiveLoop::take_picture() {
-  const std::lock_guard lock(mutex_);
-  if (picture_wanted_) return nullptr;
-  picture_wanted_ = true;
-  return picture_;
-}
-
-LiveStatus LiveLoop::status() const {
-  const std::lock_guard lock(mutex_);
-  return status_;
 }
 
 }  // namespace palpate::host

@@ -3,14 +3,11 @@
 //
 // The loop stays in virtual time; the thread only waits for the wall clock between two ticks, and where it
 // has fallen behind too far it lets the wall clock go on without it. Nobody makes it wait: controls are
-// picked up between two ticks, and what it has to show is left in buffers of fixed length, whose oldest
-// entries go when nobody fetches them.
+// picked up between two ticks, and what it has to show is left in a feed.
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -24,6 +21,7 @@
 #include "host/plant/hand_guide.hpp"
 #include "host/plant/plant.hpp"
 #include "host/session/closed_loop.hpp"
+#include "host/session/live_feed.hpp"
 #include "host/session/pacer.hpp"
 
 namespace palpate::host {
@@ -39,40 +37,9 @@ struct LiveSetup {
   ClosedLoopConfig loop{};  // ticks, grip_changes and probe_node have no effect
 };
 
-// A tick, and how the wall clock saw it.
-struct LiveTick {
-  LoopTick loop{};
-  float late_s = 0.0f;  // from when it should have begun to when it began; negative never
-  float took_s = 0.0f;  // board, plant and host
-};
-
-// The body as the session has it, for drawing.
-struct LivePicture {
-  std::uint32_t tick = 0;
-  BodyState state;
-  std::vector<int> patch_nodes;  // of the newest model
-};
-
-struct LiveStatus {
-  std::uint32_t tick = 0;
-  LoopCounters counters{};
-  std::optional<palpate_BoardStatus_1_0> board;  // as it came over the link
-  link::MediumCounters down{}, up{};
-  double slipped_s = 0.0;          // wall clock that went on without the loop
-  std::uint64_t ticks_unseen = 0;  // went because nobody took them
-  bool running = false;
-  std::string error;  // why it ended by itself; empty: it did not
-};
-
 class LiveLoop {
  public:
   static constexpr double kSlowest = 1e-3;  // but a pause
-  // Seconds, for a window that is being moved or a disk that stalls; some megabytes.
-  static constexpr std::size_t kMostTicks = 4000, kMostUpdates = 1000;
-  // A status of the board for a model is waited for that long before its row is given away as it is: longer
-  // than the board may hold it (docs/safety.md: 1,000 ticks).
-  static constexpr std::uint32_t kUpdateSettles_ticks = 1500;
-
   // Throws what ClosedLoop, plant and guide throw.
   explicit LiveLoop(LiveSetup setup);
   // Stops.
@@ -102,20 +69,13 @@ class LiveLoop {
   // Of virtual over wall-clock time, kSlowest to 10; 0 pauses.
   void set_speed(double speed);
 
-  // Since the call before, at most the newest kMostTicks.
-  std::vector<LiveTick> take_ticks();
-  // Models of which no more news will come, oldest first.
-  std::vector<UpdateRecord> take_updates();
-  // The newest, or null where it is the one of the call before. None is made until this one is fetched.
-  std::shared_ptr<const LivePicture> take_picture();
-  [[nodiscard]] LiveStatus status() const;
+  [[nodiscard]] LiveFeed& feed() { return feed_; }
+  [[nodiscard]] const LiveFeed& feed() const { return feed_; }
 
  private:
   void run();
   void post(std::function<void()> control);
   [[nodiscard]] plant::PathPoint intended();
-  void publish(const LiveTick& tick);
-  void publish_updates();
 
   const Body body_;
   plant::TipPath path_;
@@ -131,17 +91,13 @@ class LiveLoop {
   bool going_to_path_ = false;
   double speed_ = 1.0;
   Pacer pacer_;
-  std::size_t updates_given_ = 0;
+  LiveFeed feed_;
 
   mutable std::mutex mutex_;  // of what follows
   std::vector<std::function<void()>> controls_;
-  std::deque<LiveTick> ticks_;
-  std::deque<UpdateRecord> updates_;
-  std::shared_ptr<const LivePicture> picture_;
-  LiveStatus status_;
   bool has_ended_ = false;
 
-  std::atomic<bool> stop_{false}, picture_wanted_{true};
+  std::atomic<bool> stop_{false};
   std::thread thread_;
 };
 

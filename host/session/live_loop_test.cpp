@@ -57,12 +57,12 @@ class Live {
     const auto latest = std::chrono::steady_clock::now() + kHangs;
     while (std::chrono::steady_clock::now() < latest) {
       bool found = false;
-      for (LiveTick& tick : loop.take_ticks()) {
+      for (LiveTick& tick : loop.feed().take_ticks()) {
         found = found || done(tick.loop);
         ticks.push_back(tick);
       }
       if (found) return true;
-      if (!loop.status().running) return false;
+      if (!loop.feed().status().running) return false;
       std::this_thread::sleep_for(1ms);
     }
     return false;
@@ -77,7 +77,7 @@ class Live {
     std::uint32_t before = 0;
     const auto latest = std::chrono::steady_clock::now() + kHangs;
     for (int unchanged = 0; unchanged < 20 && std::chrono::steady_clock::now() < latest;) {
-      const std::uint32_t now = loop.status().tick;
+      const std::uint32_t now = loop.feed().status().tick;
       unchanged = now == before ? unchanged + 1 : 0;
       before = now;
       std::this_thread::sleep_for(5ms);
@@ -102,11 +102,11 @@ TEST(LiveLoop, ArmsWhenAskedAndTouchesWhatTheHandGoesInto) {
   live.loop.command(firmware::Action::disarm);
   ASSERT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_IDLE));
   live.loop.stop();
-  EXPECT_EQ(live.loop.status().error, "");
+  EXPECT_EQ(live.loop.feed().status().error, "");
   // Every tick, in order, came.
   for (std::size_t i = 1; i < live.ticks.size(); ++i)
     EXPECT_EQ(live.ticks[i].loop.tick, live.ticks[i - 1].loop.tick + 1);
-  EXPECT_EQ(live.loop.status().ticks_unseen, 0u);
+  EXPECT_EQ(live.loop.feed().status().ticks_unseen, 0u);
 }
 
 TEST(LiveLoop, WhatIsDisarmedIsNotArmedLater) {
@@ -116,7 +116,7 @@ TEST(LiveLoop, WhatIsDisarmedIsNotArmedLater) {
   ASSERT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_IDLE));
   ASSERT_TRUE(live.until([](const LoopTick& tick) { return tick.tick > 300; }));
   const auto stays_idle = [&live](std::uint32_t ticks) {
-    const std::uint32_t begin = live.loop.status().tick;
+    const std::uint32_t begin = live.loop.feed().status().tick;
     const std::size_t first = live.ticks.size();
     EXPECT_TRUE(live.until([=](const LoopTick& tick) { return tick.tick > begin + ticks; }));
     for (std::size_t i = first; i < live.ticks.size(); ++i) EXPECT_EQ(live.ticks[i].loop.board.enabled, 0u);
@@ -144,7 +144,7 @@ TEST(LiveLoop, EmergencyStopIsLatchedUntilItIsClearedAndArmedAgain) {
   live.loop.set_emergency_stop(true);
   ASSERT_TRUE(live.until_mode(palpate_BoardStatus_1_0_MODE_FAULT));
   live.loop.set_emergency_stop(false);
-  const std::uint32_t closed = live.loop.status().tick;
+  const std::uint32_t closed = live.loop.feed().status().tick;
   ASSERT_TRUE(live.until([closed](const LoopTick& tick) { return tick.tick > closed + 500; }));
   EXPECT_EQ(live.ticks.back().loop.board.mode, std::uint32_t{palpate_BoardStatus_1_0_MODE_FAULT});
   live.loop.command(firmware::Action::clear_fault);
@@ -176,8 +176,8 @@ TEST(LiveLoop, LostFramesAreCounted) {
   ASSERT_TRUE(live.until([tick](const LoopTick& now) { return now.tick > tick + 1000; }));
   // A gap shows when the next frame of its kind comes: of each of the board's five the last lost one may be
   // none yet.
-  EXPECT_LE(live.loop.status().counters.frames_lost_up, 20u);
-  EXPECT_GE(live.loop.status().counters.frames_lost_up, 15u);
+  EXPECT_LE(live.loop.feed().status().counters.frames_lost_up, 20u);
+  EXPECT_GE(live.loop.feed().status().counters.frames_lost_up, 15u);
   EXPECT_THROW(live.loop.add_faults(true, link::FaultKind::reorder, 0, 1), std::invalid_argument);
   EXPECT_THROW(live.loop.add_faults(true, link::FaultKind::drop, 0, 0), std::invalid_argument);
 }
@@ -190,7 +190,7 @@ TEST(LiveLoop, PlaysItsPathAndShowsTheBodyOnlyWhenAskedTo) {
   std::shared_ptr<const LivePicture> bent;
   ASSERT_TRUE(live.until([&](const LoopTick& tick) {
     deepest_m = std::min(deepest_m, tick.true_tip_m.z);
-    if (const auto picture = live.loop.take_picture()) {
+    if (const auto picture = live.loop.feed().take_picture()) {
       EXPECT_FALSE(bent && bent->tick >= picture->tick);  // each is new
       bent = picture;
     }
@@ -200,7 +200,7 @@ TEST(LiveLoop, PlaysItsPathAndShowsTheBodyOnlyWhenAskedTo) {
   EXPECT_EQ(bent->state.position_m.cols(), 9 * 9 * 9);
   EXPECT_FALSE(bent->patch_nodes.empty());
   std::uint32_t last = 0;
-  for (const UpdateRecord& update : live.loop.take_updates()) {
+  for (const UpdateRecord& update : live.loop.feed().take_updates()) {
     EXPECT_EQ(update.sequence, last + 1);
     last = update.sequence;
   }
@@ -212,10 +212,10 @@ TEST(LiveLoop, NobodyWhoLooksMakesItWait) {
   ASSERT_TRUE(live.until([](const LoopTick& tick) { return tick.tick > 100; }));
   // Nobody takes anything now.
   const auto latest = std::chrono::steady_clock::now() + kHangs;
-  while (live.loop.status().ticks_unseen == 0 && std::chrono::steady_clock::now() < latest)
+  while (live.loop.feed().status().ticks_unseen == 0 && std::chrono::steady_clock::now() < latest)
     std::this_thread::sleep_for(10ms);
-  EXPECT_GT(live.loop.status().ticks_unseen, 0u);
-  EXPECT_EQ(live.loop.take_ticks().size(), LiveLoop::kMostTicks);
+  EXPECT_GT(live.loop.feed().status().ticks_unseen, 0u);
+  EXPECT_EQ(live.loop.feed().take_ticks().size(), LiveFeed::kMostTicks);
 }
 
 TEST(LiveLoop, PausesAndRefusesWhatIsOutOfRange) {
@@ -246,8 +246,8 @@ TEST(LiveLoop, ABoardThatDiesEndsItWithAReason) {
   dying.board = std::make_unique<Dying>();
   Live live(std::move(dying));
   EXPECT_FALSE(live.until([](const LoopTick& tick) { return tick.tick > 50; }));
-  EXPECT_FALSE(live.loop.status().running);
-  EXPECT_EQ(live.loop.status().error, "board: its sensor stream is closed");
+  EXPECT_FALSE(live.loop.feed().status().running);
+  EXPECT_EQ(live.loop.feed().status().error, "board: its sensor stream is closed");
 }
 
 TEST(LiveLoop, RefusesAScriptedHand) {

@@ -40,6 +40,11 @@ class LoopHost {
   std::vector<link::OutgoingFrame> poll(std::uint32_t tick, std::size_t backlog_bytes,
                                         double link_bytes_per_tick);
 
+  // Is told every full trace, before the session is.
+  void listen(std::function<void(const palpate_ServoTrace_1_0&)> listener) {
+    listener_ = std::move(listener);
+  }
+
   // What a person asks for. Arming takes its two steps (arming.hpp); any other action goes out as it is, and
   // ends what is left of them.
   void arm() { arming_.begin(); }
@@ -95,6 +100,8 @@ class LoopHost {
   template <class Trace>
   requires std::same_as<Trace, palpate_ServoTrace_1_0> || std::same_as<Trace, palpate_TipTrace_1_0>
   void take(const Trace& trace) {
+    if constexpr (std::same_as<Trace, palpate_ServoTrace_1_0>)
+      if (listener_) listener_(trace);
     tell_session([trace](Session& session) { session.take(trace); });
   }
   void take(const palpate_BoardStatus_1_0& status);
@@ -120,6 +127,7 @@ class LoopHost {
   std::size_t basis_bytes_ = 0;  // sent since the newest state
   std::vector<SentModel> sent_;  // with a probe only
   std::vector<int> patch_nodes_;
+  std::function<void(const palpate_ServoTrace_1_0&)> listener_;
   std::optional<palpate_BoardStatus_1_0> board_status_;
   ClosedLoopResult result_;
   bool has_peak_ = false;

@@ -51,14 +51,29 @@ Session::Session(const Body& body, BodyState start, const SessionConfig& config)
 void Session::take(const palpate_ServoTrace_1_0& trace) {
   for (std::uint32_t i = 0; i < trace.samples.count; ++i) {
     const float* tip = trace.samples.elements[i].tip_m;
-    path_.add(trace.first_tick + i,
-              {static_cast<double>(tip[0]), static_cast<double>(tip[1]), static_cast<double>(tip[2])});
+    add(trace.first_tick + i,
+        {static_cast<double>(tip[0]), static_cast<double>(tip[1]), static_cast<double>(tip[2])});
   }
 }
 
 void Session::take(const palpate_TipTrace_1_0& trace) {
   for (std::uint32_t i = 0; i <= trace.offsets.count; ++i)
-    path_.add(trace.first_tick + i, wire::read_tip(trace, i));
+    add(trace.first_tick + i, wire::read_tip(trace, i));
+}
+
+void Session::add(std::uint32_t tick, const Vec3d& tip_m) {
+  if (!path_.follows(tick)) begin_anew();
+  path_.add(tick, tip_m);
+}
+
+void Session::begin_anew() {
+  path_ = {};
+  started_ = false;
+  contact_ = {};
+  feedback_ = make_feedback(config_.feedback, config_.law);
+  forecast_.forget();
+  foreseen_tick_ = 0;
+  requested_until_.reset();
 }
 
 bool Session::due(std::uint32_t tick) const {

@@ -64,7 +64,9 @@ class Session {
   // The body must outlive the session. Throws std::invalid_argument as BodySurface and make_builder do.
   Session(const Body& body, BodyState start, const SessionConfig& config);
 
-  // What the board says of ticks, in any order and either form: only the tip's path is used.
+  // What the board says of ticks, in any order and either form: only the tip's path is used. Ticks that do
+  // not follow those that are known (TipHistory::follows) are the beginning of another path: the body goes on
+  // as it is, without contact.
   void take(const palpate_ServoTrace_1_0& trace);
   void take(const palpate_TipTrace_1_0& trace);
 
@@ -101,6 +103,8 @@ class Session {
   [[nodiscard]] std::size_t basis_waits() const { return basis_waits_; }
 
  private:
+  void add(std::uint32_t tick, const Vec3d& tip_m);
+  void begin_anew();
   [[nodiscard]] std::optional<SurfacePoint> focus(std::uint32_t tick) const;
   [[nodiscard]] double reach_m() const { return config_.near_m + config_.law.tip_radius_m; }
   void foresee(std::uint32_t tick, const std::optional<SurfacePoint>& focus);

@@ -184,6 +184,30 @@ TEST_F(SessionTest, AGapThatStaysIsInterpolatedAndSaid) {
   EXPECT_EQ(next->interpolated_ticks, 0u);
 }
 
+// A board that has started again says small ticks; after a minute without a cable they are far ahead.
+TEST_F(SessionTest, GoesOnWithTicksOfAnotherPath) {
+  for (const std::uint32_t begin : {100'000u, 3u}) {
+    Session session(body_, body_.rest_state(), config_);
+    const auto shifted = [](palpate_ServoTrace_1_0 message, std::uint32_t by) {
+      message.first_tick += by;
+      return message;
+    };
+    for (std::uint32_t tick = 0; tick <= path_.ticks(); tick += kSamplesPerTrace)
+      session.take(shifted(trace(path_, tick), 20'000));
+    ASSERT_TRUE(session.update());
+    const std::uint32_t before = session.tick();
+    for (std::uint32_t tick = 0; tick <= path_.ticks(); tick += kSamplesPerTrace)
+      session.take(shifted(trace(path_, tick), begin));
+    const auto update = session.update();
+    ASSERT_TRUE(update) << begin;
+    EXPECT_NE(session.tick(), before);
+    EXPECT_EQ(session.tick(), begin + path_.ticks());
+    EXPECT_EQ(update->message.tick, session.tick());
+    EXPECT_NE(session.contact().mode, ContactMode::free);
+    EXPECT_TRUE(update->state.position_m.allFinite());
+  }
+}
+
 TEST_F(SessionTest, TheBodyMovesOnButNoModelIsBuiltFarAway) {
   Path far({0.0145, 0.0165, 0.05});
   far.hold(50).to({0.0145, 0.0165, 0.019}, 50);

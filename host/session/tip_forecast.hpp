@@ -20,6 +20,9 @@ class TipForecast {
   void note(std::uint32_t tick, const Eigen::Vector3d& tip_m, const Eigen::Matrix3Xd& position_m,
             const SurfacePoint& below);
 
+  // Of another path.
+  void forget() { noted_ = moves_ = false; }
+
   // Is its speed known?
   [[nodiscard]] bool moves() const { return moves_; }
   // The surface point nearest to where the tip will be, `ticks` after the newest update, by the mean velocity

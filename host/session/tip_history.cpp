@@ -2,6 +2,12 @@
 
 namespace palpate::host {
 
+bool TipHistory::follows(std::uint32_t tick) const {
+  if (samples_.empty()) return true;
+  const std::uint32_t ahead = tick - first_tick_;
+  return ahead < kLongestHistory_ticks || ahead >= 0u - kOldest_ticks;
+}
+
 void TipHistory::add(std::uint32_t tick, const Vec3d& tip_m) {
   if (samples_.empty()) {
     first_tick_ = tick;

@@ -15,11 +15,15 @@ struct TickRange {
   std::uint32_t count = 0;
 };
 
-// A tick further ahead than this is an error of its sender.
+// A tick this far ahead of those that are held begins another history.
 inline constexpr std::size_t kLongestHistory_ticks = 60'000;
+// So does one this long before them: a board says again what is a quarter of a second old, not more.
+inline constexpr std::uint32_t kOldest_ticks = 2'000;
 
 class TipHistory {
  public:
+  // Is it a tick of this history? Otherwise the board has started again, or nothing was heard for a minute.
+  [[nodiscard]] bool follows(std::uint32_t tick) const;
   // Ticks before the first sample seen, and ticks already consumed, are ignored; so are repeats and ticks
   // beyond kLongestHistory_ticks.
   void add(std::uint32_t tick, const Vec3d& tip_m);

@@ -89,5 +89,16 @@ TEST(TipHistory, TicksWrapAround) {
   EXPECT_EQ(history.complete_tick(), 1u);
 }
 
+TEST(TipHistory, KnowsTicksOfAnotherPath) {
+  TipHistory history;
+  EXPECT_TRUE(history.follows(7));
+  history.add(50'000, tip(1));
+  EXPECT_TRUE(history.follows(50'000 - kOldest_ticks));  // said again
+  EXPECT_FALSE(history.follows(50'000 - kOldest_ticks - 1));
+  EXPECT_FALSE(history.follows(0));
+  EXPECT_TRUE(history.follows(50'000 + kLongestHistory_ticks - 1));
+  EXPECT_FALSE(history.follows(50'000 + kLongestHistory_ticks));
+}
+
 }  // namespace
 }  // namespace palpate::host

@@ -87,6 +87,15 @@ TESTED = {
     "./run simulate SCENE.toml": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "palpate simulate": "host/python/tests/test_core.py::test_simulation_exports_nodes",
     "./run gui": "hil_tests/test_gui.py::test_touch_and_look",
+    "build/host/host/device_api/example_wall serial:/dev/pts/3 10": (
+        "hil_tests/test_device_api.py::test_the_command_says_its_address_and_ends_when_interrupted"
+    ),
+    "cmake --install build/host --component device --prefix PREFIX": (
+        "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it"
+    ),
+    "cmake --build --preset host --target palpate_device": (
+        "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it"
+    ),
     "./run device": "hil_tests/test_device_api.py::test_the_command_says_its_address_and_ends_when_interrupted",
     "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10": (
         "hil_tests/test_device_api.py::test_the_command_over_udp_as_json"

@@ -1,0 +1,198 @@
+#include "host/session/attached_loop.hpp"
+
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+#include "host/plant/check.hpp"
+
+namespace palpate::host {
+namespace {
+
+ClosedLoopConfig for_a_board(ClosedLoopConfig config) {
+  config.arms_by_itself = false;
+  config.session_beside = true;
+  config.trace.form = TraceForm::full;  // what the screen shows
+  config.grip_changes.clear();
+  config.probe_node.reset();
+  return config;
+}
+
+constexpr double kTicksPerS = 1000.0;
+// Where the link's rate is not known: USB full speed and UDP bring about a megabyte a second.
+constexpr double kUnknownBytesPerTick = 1000.0;
+
+}  // namespace
+
+AttachedLoop::AttachedLoop(AttachedSetup setup)
+    : body_(std::move(setup.body)),
+      address_(std::move(setup.address)),
+      link_(link::open_transport(address_)),
+      host_(body_, setup.start, for_a_board(std::move(setup.loop))) {
+  host_.listen([this](const palpate_ServoTrace_1_0& trace) { take(trace); });
+}
+
+AttachedLoop::~AttachedLoop() {
+  stop();
+}
+
+void AttachedLoop::start() {
+  if (thread_.joinable() || stop_) throw std::logic_error("attached loop: it has been started already");
+  feed_.edit([](LiveStatus& status) {
+    status.running = true;
+    status.links_opened = 1;
+  });
+  thread_ = std::thread([this] { run(); });
+}
+
+void AttachedLoop::stop() {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+double AttachedLoop::now_s() const {
+  return std::chrono::duration<double>(Clock::now() - began_).count();
+}
+
+void AttachedLoop::run() {
+  std::string error;
+  try {
+    while (!stop_) run_once();
+    if (armed_) {
+      host_.command(firmware::Action::disarm);
+      poll_until(polled_tick_ + 1);
+    }
+  } catch (const std::exception& problem) {
+    error = problem.what();
+  }
+  feed_.edit([&error](LiveStatus& status) {
+    status.running = false;
+    status.error = std::move(error);
+  });
+}
+
+void AttachedLoop::run_once() {
+  std::vector<std::function<void()>> controls;
+  {
+    const std::lock_guard lock(mutex_);
+    controls.swap(controls_);
+  }
+  for (const auto& control : controls) control();
+  if (!link_->is_open() && !open_again()) return;
+
+  const std::vector<std::uint8_t> bytes = link_->read(kReadPatience);
+  heard_at_s_ = now_s();
+  host_.receive(bytes, clock_.tick(heard_at_s_));
+  note_models();
+  poll_until(clock_.tick(now_s()));
+
+  feed_.look_at(host_, polled_tick_);
+  feed_.edit([this](LiveStatus& status) {
+    const link::TransportCounters counters = link_->counters();
+    status.down.bytes_accepted = status.down.bytes_delivered = bytes_down_ + counters.bytes_sent;
+    status.down.submissions_dropped = counters.frames_unsent;
+    status.up.bytes_accepted = status.up.bytes_delivered = bytes_up_ + counters.bytes_received;
+    status.links_opened = links_opened_;
+    status.link_is_open = link_->is_open();
+  });
+}
+
+bool AttachedLoop::open_again() {
+  feed_.edit([](LiveStatus& status) { status.link_is_open = false; });
+  if (Clock::now() - tried_ < kReopenAfter) {
+    std::this_thread::sleep_for(kReadPatience);
+    return false;
+  }
+  tried_ = Clock::now();
+  const link::TransportCounters gone = link_->counters();
+  try {
+    link_ = link::open_transport(address_);
+  } catch (const link::TransportError&) {
+    return false;
+  }
+  bytes_down_ += gone.bytes_sent;
+  bytes_up_ += gone.bytes_received;
+  ++links_opened_;
+  host_.cancel_arming();  // whoever wanted that wanted it then
+  return true;
+}
+
+void AttachedLoop::take(const palpate_ServoTrace_1_0& trace) {
+  // It was sent after its last tick; one that was asked for again is older, and says nothing new of the time.
+  clock_.hear(trace.first_tick + static_cast<std::uint32_t>(trace.samples.count), heard_at_s_);
+  const auto& status = host_.board_status();
+  for (std::uint32_t i = 0; i < trace.samples.count; ++i) {
+    const palpate_ServoSample_1_0& sample = trace.samples.elements[i];
+    LiveTick tick;
+    tick.loop.tick = trace.first_tick + i;
+    lockstep::ActuatorFrame& board = tick.loop.board;
+    std::copy(std::begin(sample.tip_m), std::end(sample.tip_m), board.tip_m.begin());
+    std::copy(std::begin(sample.force_N), std::end(sample.force_N), board.force_N.begin());
+    board.tick = tick.loop.tick;
+    board.contact_mode = sample.mode;
+    board.triangle = sample.triangle;
+    board.enabled = (sample.flags & palpate_ServoSample_1_0_FLAG_RENDERING) != 0 ? 1 : 0;
+    board.mode = status ? status->mode : 0;
+    board.faults = status ? status->faults : 0;
+    board.model_sequence = newest_model_.sequence;
+    board.model_age_ticks = newest_model_.sequence != 0 ? tick.loop.tick - newest_model_.model_tick : 0;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      tick.loop.true_tip_m[axis] = static_cast<double>(sample.tip_m[axis]);
+    tick.loop.hand_target_m = tick.loop.true_tip_m;
+    feed_.add(tick);
+  }
+}
+
+void AttachedLoop::note_models() {
+  const std::vector<UpdateRecord>& updates = host_.updates();
+  for (auto update = updates.rbegin(); update != updates.rend(); ++update) {
+    if (update->status != static_cast<std::uint8_t>(Status::ok)) continue;
+    newest_model_ = {update->sequence, update->tick};
+    return;
+  }
+}
+
+void AttachedLoop::poll_until(std::uint32_t tick) {
+  const auto behind = static_cast<std::int32_t>(tick - polled_tick_);
+  if (behind < 0 && behind > -static_cast<std::int32_t>(BoardClock::kRestart_ticks)) return;
+  if (behind < 0 || behind > static_cast<std::int32_t>(kMostTicksAtOnce)) polled_tick_ = tick - 1;
+  const double rate = link_->bytes_per_s();
+  const double bytes_per_tick = rate > 0.0 ? rate / kTicksPerS : kUnknownBytesPerTick;
+  while (polled_tick_ != tick) {
+    ++polled_tick_;
+    const double now = now_s();
+    backlog_bytes_ = std::max(0.0, backlog_bytes_ - bytes_per_tick * kTicksPerS * (now - backlog_at_s_));
+    backlog_at_s_ = now;
+    for (const link::OutgoingFrame& frame :
+         host_.poll(polled_tick_, static_cast<std::size_t>(backlog_bytes_), bytes_per_tick))
+      write(frame);
+  }
+}
+
+void AttachedLoop::write(const link::OutgoingFrame& frame) {
+  if (link_->write(frame.bytes)) backlog_bytes_ += static_cast<double>(frame.bytes.size());
+}
+
+void AttachedLoop::post(std::function<void()> control) {
+  const std::lock_guard lock(mutex_);
+  controls_.push_back(std::move(control));
+}
+
+void AttachedLoop::arm() {
+  post([this] {
+    armed_ = true;
+    host_.arm();
+  });
+}
+
+void AttachedLoop::command(firmware::Action action) {
+  post([this, action] { host_.command(action); });
+}
+
+void AttachedLoop::set_host_delay(std::uint32_t ticks) {
+  plant::require_range("host delay in ticks", ticks, 0.0, 1000.0);
+  post([this, ticks] { host_.set_delay(ticks); });
+}
+
+}  // namespace palpate::host
