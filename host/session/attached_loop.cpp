@@ -28,6 +28,8 @@ constexpr double kUnknownBytesPerTick = 1000.0;
 AttachedLoop::AttachedLoop(AttachedSetup setup)
     : body_(std::move(setup.body)),
       address_(std::move(setup.address)),
+      arm_(setup.plant.arm),
+      encoder_reference_(setup.plant.encoder_reference),
       link_(link::open_transport(address_)),
       host_(body_, setup.start, for_a_board(std::move(setup.loop))) {
   host_.listen([this](const palpate_ServoTrace_1_0& trace) { take(trace); });
@@ -140,8 +142,27 @@ void AttachedLoop::take(const palpate_ServoTrace_1_0& trace) {
     for (std::size_t axis = 0; axis < 3; ++axis)
       tick.loop.true_tip_m[axis] = static_cast<double>(sample.tip_m[axis]);
     tick.loop.hand_target_m = tick.loop.true_tip_m;
+    tick.loop.encoder_count = counts_at(tick.loop.true_tip_m);
+    add_traffic(tick.loop);
     feed_.add(tick);
   }
+}
+
+device::EncoderCounts AttachedLoop::counts_at(const Vec3d& tip_m) const {
+  device::EncoderCounts count = encoder_reference_;
+  try {
+    const device::EncoderCounts moved = arm_.encoder_counts(arm_.joint_angles_rad(tip_m, "tip"));
+    for (std::size_t i = 0; i < 3; ++i) count[i] += moved[i];
+  } catch (const std::invalid_argument&) {  // a device that was not calibrated may say anything
+  }
+  return count;
+}
+
+void AttachedLoop::add_traffic(LoopTick& tick) {
+  const link::TransportCounters now = link_->counters();
+  const std::uint64_t down = bytes_down_ + now.bytes_sent, up = bytes_up_ + now.bytes_received;
+  tick.link_down_bytes = static_cast<std::uint32_t>(down - std::exchange(bytes_seen_down_, down));
+  tick.link_up_bytes = static_cast<std::uint32_t>(up - std::exchange(bytes_seen_up_, up));
 }
 
 void AttachedLoop::note_models() {

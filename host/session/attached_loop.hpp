@@ -16,18 +16,22 @@
 
 #include "host/link/transport.hpp"
 #include "host/msd/body.hpp"
+#include "host/plant/arm_plant.hpp"
+#include "host/plant/plant.hpp"
 #include "host/session/board_clock.hpp"
 #include "host/session/closed_loop_config.hpp"
 #include "host/session/live_feed.hpp"
 #include "host/session/loop_host.hpp"
+#include "shared/device/encoders.hpp"
 
 namespace palpate::host {
 
 struct AttachedSetup {
   Body body;
   BodyState start;
-  std::string address;      // of the link, as open_transport() takes it
-  ClosedLoopConfig loop{};  // what is the plant's and the medium's has no effect; traces are full ones
+  plant::PlantParameters plant{};  // of the arm: for encoder counts, which a trace does not have
+  std::string address;             // of the link, as open_transport() takes it
+  ClosedLoopConfig loop{};         // what is the plant's and the medium's has no effect; traces are full ones
 };
 
 // A link that goes is opened again as soon as it is there; a board that has started again is served as a new
@@ -52,7 +56,8 @@ class AttachedLoop {
   // std::invalid_argument above 1 s.
   void set_host_delay(std::uint32_t ticks);
 
-  // Of a tick it has what the board's trace says: tip, force, contact, mode and faults; the rest is zero.
+  // Of a tick it has what the board's trace says: tip, force, contact, mode and faults; encoder counts are
+  // those of an arm whose tip is there, the link's bytes those since the tick before; the rest is zero.
   [[nodiscard]] LiveFeed& feed() { return feed_; }
   [[nodiscard]] const LiveFeed& feed() const { return feed_; }
 
@@ -72,9 +77,14 @@ class AttachedLoop {
   void write(const link::OutgoingFrame& frame);
   [[nodiscard]] double now_s() const;
   void note_models();
+  [[nodiscard]] device::EncoderCounts counts_at(const Vec3d& tip_m) const;
+  // Of the link since the tick before.
+  void add_traffic(LoopTick& tick);
 
   const Body body_;
   const std::string address_;
+  const plant::ArmPlant arm_;
+  const device::EncoderCounts encoder_reference_;
   // The thread's alone.
   std::unique_ptr<link::Transport> link_;
   LoopHost host_;
@@ -84,7 +94,8 @@ class AttachedLoop {
   std::uint32_t polled_tick_ = 0;
   double backlog_bytes_ = 0.0, backlog_at_s_ = 0.0;  // in the driver, by the link's rate
   std::uint64_t links_opened_ = 1;
-  std::uint64_t bytes_down_ = 0, bytes_up_ = 0;  // of links before this one
+  std::uint64_t bytes_down_ = 0, bytes_up_ = 0;            // of links before this one
+  std::uint64_t bytes_seen_down_ = 0, bytes_seen_up_ = 0;  // in ticks
   bool armed_ = false;
   struct Taken {
     std::uint32_t sequence = 0, model_tick = 0;

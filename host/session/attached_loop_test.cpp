@@ -46,7 +46,11 @@ AttachedSetup setup(std::string address) {
   BodyState start = body.rest_state();
   ClosedLoopConfig config;
   config.session.friction.elsewhere = {0.5, 0.5};
-  return {.body = std::move(body), .start = std::move(start), .address = std::move(address), .loop = config};
+  return {.body = std::move(body),
+          .start = std::move(start),
+          .plant = {},
+          .address = std::move(address),
+          .loop = config};
 }
 
 // All that a loop has told since the call before; false when it hangs or has ended.

@@ -1,6 +1,9 @@
 // The host's end of the link, for a board on a serial line.
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
 
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -8,6 +11,7 @@
 #include <vector>
 
 #include "host/link/host_endpoint.hpp"
+#include "host/link/transport.hpp"
 #include "host/python/bindings/arrays.hpp"
 #include "host/python/bindings/moving_body.hpp"
 
@@ -83,6 +87,30 @@ struct ToDict {
 
 void bind_endpoint(nb::module_& module) {
   using namespace nanobind::literals;
+  using link::Transport;
+  nb::class_<Transport>(module, "Transport")
+      .def(nb::new_([](const std::string& address) { return link::open_transport(address); }), "address"_a)
+      .def(
+          "write",
+          [](Transport& t, const nb::bytes& data) {
+            return t.write({static_cast<const std::uint8_t*>(data.data()), data.size()});
+          },
+          "frame"_a)
+      .def(
+          "read",
+          [](Transport& t, double longest_s) {
+            const auto longest = std::chrono::microseconds(static_cast<std::int64_t>(longest_s * 1e6));
+            std::vector<std::uint8_t> bytes;
+            {
+              const nb::gil_scoped_release no_gil;
+              bytes = t.read(longest);
+            }
+            return nb::bytes(bytes.data(), bytes.size());
+          },
+          "longest_s"_a)
+      .def_prop_ro("is_open", &Transport::is_open)
+      .def_prop_ro("address", &Transport::address);
+
   using link::HostEndpoint;
   nb::class_<HostEndpoint>(module, "HostEndpoint")
       .def(

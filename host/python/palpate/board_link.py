@@ -1,4 +1,4 @@
-"""A board on a serial line: asks it who it is, reads its state, arms it. Needs pyserial."""
+"""A board at a link of the operating system: asks it who it is, reads its state, arms it."""
 
 import time
 from collections import deque
@@ -15,6 +15,7 @@ MODES = ("boot", "idle", "calibrate", "render", "fault", "direct")
 # palpate.Command
 _ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP = range(1, 7)
 _TICKS_PER_S = 1000
+_READ_S = 0.05
 # It takes 100 ticks of rest, and begins within a tick or two.
 _CALIBRATION_TICKS = 110
 
@@ -56,15 +57,15 @@ class BoardState:
 
 
 class BoardLink:
-    """A board behind a serial port. Use as a context manager: when the block ends the board is disarmed and the port closed.
+    """A board behind a link. Use as a context manager: when the block ends the board is disarmed and the link closed.
+
+    link: a serial port ("/dev/ttyACM0", with `baud`), or an address as in docs/device_api.md ("udp:192.168.1.7:5760").
 
     Arming switches the motors on: keep hands clear and read docs/safety.md first. One thread. Methods raise BoardLinkError
     when no answer comes in time.
     """
 
-    def __init__(self, port: str, baud: int = 115_200, timeout_s: float = 5.0) -> None:
-        import serial
-
+    def __init__(self, link: str, baud: int = 115_200, timeout_s: float = 5.0) -> None:
         self._timeout_s = timeout_s
         self._started_s = time.monotonic()
         # Other numbers than those of a run a second ago: the board takes equal ones for copies.
@@ -73,10 +74,10 @@ class BoardLink:
         self._trace: dict[str, Any] | None = None
         self._armed = False
         try:
-            self._port = serial.Serial(port, baud, timeout=0.05)
-        except serial.SerialException as error:
-            raise BoardLinkError(f"{port}: cannot be opened: {error}") from None
-        self.name = port
+            self._link = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
+        except RuntimeError as error:
+            raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
+        self.name = link
 
     def __enter__(self) -> Self:
         return self
@@ -88,12 +89,12 @@ class BoardLink:
             if self._armed:
                 self.disarm()
         finally:
-            self._port.close()
+            del self._link
 
     def info(self) -> BoardInfo:
         """Asks who the board is. Raises BoardLinkError where its message definitions are not the host's."""
         frame, transfer_id = self._endpoint.get_info()
-        self._port.write(frame)
+        self._link.write(frame)
         answer = self._wait("GetInfo", transfer_id)
         info = BoardInfo(**{name: answer[name] for name in BoardInfo.__dataclass_fields__})
         if info.schema_hash != _core.SCHEMA_HASH:
@@ -158,7 +159,7 @@ class BoardLink:
 
     def _command(self, what: str, action: int, token: int = 0) -> dict[str, Any]:
         frame, transfer_id = self._endpoint.command(action, token)
-        self._port.write(frame)
+        self._link.write(frame)
         answer = self._wait("Command", transfer_id)
         if answer["status"] != 0:
             mode = MODES[answer["mode"]]
@@ -177,7 +178,9 @@ class BoardLink:
                     self._trace = one
                 elif one["message"] == message and transfer_id in (None, one.get("transfer_id")):
                     return one
+            if not self._link.is_open:
+                raise BoardLinkError(f"{self.name}: the link has gone")
             if time.monotonic() > deadline_s:
                 raise BoardLinkError(f"{self.name}: no {message} within {self._timeout_s:g} s: is it a board, and awake?")
             tick = int((time.monotonic() - self._started_s) * _TICKS_PER_S)
-            self._received += self._endpoint.receive(self._port.read(max(1, self._port.in_waiting)), tick)
+            self._received += self._endpoint.receive(self._link.read(_READ_S), tick)

@@ -40,6 +40,12 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
+def _board_or_address(text: str) -> str:
+    if text not in BOARDS and ":" not in text:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be {', '.join(BOARDS)}, or an address as serial:/dev/ttyACM0")
+    return text
+
+
 class _ShowVersions(argparse.Action):
     """Versions of host, message schema and firmware, asked for only when they are wanted."""
 
@@ -173,7 +179,12 @@ def build_parser() -> argparse.ArgumentParser:
         "scene", type=Path, nargs="?", default=SCENES / "demo.toml", metavar="SCENE", help="scene in TOML (default: the demo's)"
     )
     gui.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="set a key of the scene otherwise")
-    gui.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
+    gui.add_argument(
+        "--board",
+        type=_board_or_address,
+        metavar="BOARD",
+        help=f"{', '.join(BOARDS)}, or an address as serial:/dev/ttyACM0 (default: an attached board that answers, else native)",
+    )
     gui.add_argument("--script", type=Path, metavar="FILE", help="a Python file with step(app, time_s): docs/gui.md")
     gui.add_argument("--duration", type=float, metavar="S", help="close the window after so many seconds")
     gui.add_argument("--screenshot", type=Path, metavar="PNG", help="write the window's last picture")
@@ -480,11 +491,22 @@ def _reduce(arguments: argparse.Namespace) -> int:
     return OK if good else FAILED
 
 
+def _attached_board() -> str:
+    """The address of the first that answers, else the native board's name."""
+    from palpate.board_search import find_boards
+
+    found = find_boards()
+    if not found:
+        return "native"
+    print(f"board {found[0].info.board} at {found[0].address}", file=sys.stderr)
+    return found[0].address
+
+
 def _gui(arguments: argparse.Namespace) -> int:
     from palpate.gui.command import Options, parse_size, run_window
     from palpate.gui.settings import Settings
 
-    settings = Settings(arguments.scene, arguments.board, dict(parse_override(text) for text in arguments.set))
+    settings = Settings(arguments.scene, arguments.board or _attached_board(), dict(parse_override(text) for text in arguments.set))
     numbers = run_window(
         Options(
             settings,

@@ -28,6 +28,8 @@ def plain(text: str, colour: Colour) -> str:
     return text
 
 
+_BOARD_PATIENCE_S = 1.0
+
 @dataclass(frozen=True)
 class Check:
     """One thing that was looked at. remedy: what to do; empty where it is ok. needed: nothing goes without it."""
@@ -184,6 +186,26 @@ def _group_of(device: str) -> str:
         return "dialout"
 
 
+def check_boards() -> Iterator[Check]:
+    """Attached boards: which firmware answers, and whether this host understands it."""
+    if versions.host_schema() is None:
+        return
+    from palpate.board_link import BoardLink, BoardLinkError
+    from palpate.board_search import addresses
+
+    for address in addresses():
+        name = f"board at {address}"
+        try:
+            with BoardLink(address, timeout_s=_BOARD_PATIENCE_S) as board:
+                info = board.info()
+        except BoardLinkError as error:
+            yield Check(name, False, str(error), "flash it, or close what has its port", False)
+            continue
+        found = f"{info.board}, firmware {info.firmware}"
+        same = info.firmware == __version__
+        yield Check(name, same, found if same else f"{found}: not the host's {__version__}", "" if same else "flash it again", False)
+
+
 def examine() -> list[Check]:
     """All checks, in the order in which they are shown."""
     checks = [Check("python", True, sys.version.split()[0]), check_host()]
@@ -193,6 +215,7 @@ def examine() -> list[Check]:
         checks += check_packages(pinned_packages((SOURCE / "dependencies.txt").read_text("utf-8")))
     checks.append(check_display(dict(os.environ)))
     checks += check_serial_ports()
+    checks += check_boards()
     return checks
 
 

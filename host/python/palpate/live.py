@@ -6,6 +6,7 @@
         live.poll()
         print(live.history["force_normal_N"][-1])
 
+`Live(scene, "serial:/dev/ttyACM0")` is the same beside a board that runs by itself, with a device in a person's hand.
 The loop runs in a thread of the core; nothing here makes it wait. All positions are in the device frame.
 """
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core, record_layout
-from palpate.body import vector3
+from palpate.body import Body, vector3
 from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
 from palpate.history import History
 from palpate.paths import cache_folder
@@ -73,7 +74,8 @@ class Picture:
 class Live:
     """A running loop. Use as a context manager. One thread calls.
 
-    board: a name in `hil.BOARDS`. path: that play_path() follows, in place of the scene's. Without any the hand begins
+    board: a name in `hil.BOARDS`, or the address of a board that runs by itself (docs/device_api.md): then nothing of the device
+    is simulated (`is_attached`), and what only a simulated one can do has no effect. path: that play_path() follows, in place of the scene's. Without any the hand begins
     above the middle of the body. watchdog_s: a board that gives no tick for so long is ended, unless the loop is paused.
     Raises SceneError for scenes that have no tip to touch with, BoardError where the board cannot be started.
 
@@ -87,9 +89,12 @@ class Live:
         path: TipPath | None = None,
         watchdog_s: float = WATCHDOG_S,
     ) -> None:
-        if board not in BOARDS:
-            raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
-        self.scene = scene = scene.with_board(board)
+        self.is_attached = is_address(board)
+        if not self.is_attached:
+            if board not in BOARDS:
+                raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}, or the address of a link")
+            scene = scene.with_board(board)
+        self.scene = scene
         self.board_name = board
         self.status: dict[str, Any] = {}
         self.contact: Contact | None = None
@@ -100,8 +105,8 @@ class Live:
         self.problem: str | None = None
         self._dict = _for_a_person(scene, path)
         self.triangle_friction: Floats = _core.triangle_friction(self._dict)
-        self._board_type = BOARDS[board]
-        self._watchdog_s = watchdog_s
+        self._board = None if self.is_attached else Board(BOARDS[board], watchdog_s)
+        self._triangles = Body(scene).triangles if self.is_attached else None
         self._recorder: Recorder | None = None
         self._before: dict[str, int] = {}  # counters when the recording began
         self._absorbed_J = 0.0
@@ -112,24 +117,31 @@ class Live:
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        self._board = Board(self._board_type, self._watchdog_s)
-        self._board.__enter__()
+        bases = str(cache_folder() / "bases")
         try:
-            self._loop = _core.LiveLoop(
-                self._dict, self._board.actuator_fd, self._board.sensor_fd, str(cache_folder() / "bases")
-            )
+            if self._board is None:
+                self._loop: Any = _core.AttachedLoop(self._dict, self.board_name, bases)
+            else:
+                self._board.__enter__()
+                self._loop = self._beside_emulated(self._board, bases)
         except ValueError as error:
-            self._board.__exit__(type(error), error, None)
             raise SceneError(f"{self.scene.file}: {error}") from None
-        except BaseException as error:
-            self._board.__exit__(type(error), error, None)
-            raise
-        self._board.sign_of_life(0)  # the body's basis may have taken long
+        except RuntimeError as error:
+            raise BoardError(str(error)) from None
         self._loop.start()
-        self._winder = threading.Thread(target=self._wind_on, name="live watchdog", daemon=True)
-        self._winder.start()
+        if self._board is not None:
+            self._board.sign_of_life(0)  # the body's basis may have taken long
+            self._winder = threading.Thread(target=self._wind_on, name="live watchdog", daemon=True)
+            self._winder.start()
         self.poll()
         return self
+
+    def _beside_emulated(self, board: Board, bases: str) -> Any:
+        try:
+            return _core.LiveLoop(self._dict, board.actuator_fd, board.sensor_fd, bases)
+        except BaseException as error:
+            board.__exit__(type(error), error, None)
+            raise
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -140,25 +152,28 @@ class Live:
             self.stop_recording()
         finally:
             self._ended.set()
-            self._winder.join()
-            # A loop that has failed has not told its board to end.
-            failed = BoardError(self.status["error"]) if self.status.get("error") else error
-            self._board.__exit__(type(failed) if failed else None, failed, trace)
+            if self._board is not None:
+                self._winder.join()
+                # A loop that has failed has not told its board to end.
+                failed = BoardError(self.status["error"]) if self.status.get("error") else error
+                self._board.__exit__(type(failed) if failed else None, failed, trace)
 
     # Controls: in effect from the next tick on.
 
     def guide_hand(self, target_m: ArrayLike) -> bool:
         """Where the hand shall go; smoothed, at most 0.5 m/s. False, and no effect, where the arm cannot reach."""
         x, y, z = vector3("target_m", target_m)
-        return self._loop.guide_hand(x, y, z)
+        return not self.is_attached and bool(self._loop.guide_hand(x, y, z))
 
     def play_path(self) -> None:
         """The hand goes to the beginning of the path and follows it."""
-        self._loop.play_path()
+        if not self.is_attached:
+            self._loop.play_path()
 
     def set_grip(self, grip: float) -> None:
         """0 let go to 1 as tight as the scene's hand. ValueError beyond."""
-        self._loop.set_grip(grip)
+        if not self.is_attached:
+            self._loop.set_grip(grip)
 
     def arm(self) -> None:
         """Asks the board to switch its outputs on, in two steps (docs/safety.md)."""
@@ -169,21 +184,25 @@ class Live:
         self._loop.command(action)
 
     def set_emergency_stop(self, is_open: bool) -> None:
-        """Opens or closes the chain of the emergency stop at the board."""
-        self._loop.set_emergency_stop(is_open)
+        """Opens or closes the chain of the emergency stop at the board. That of an attached one has a switch of its own."""
+        if not self.is_attached:
+            self._loop.set_emergency_stop(is_open)
 
     def set_unplugged(self, unplugged: bool) -> None:
         """Pulls the link's cable out, or puts it in again."""
-        self._loop.set_unplugged(unplugged)
+        if not self.is_attached:
+            self._loop.set_unplugged(unplugged)
 
     def burn_next_tick(self) -> None:
         """The next servo tick takes 2.5 ms longer; without effect on board native, which has no clock."""
-        self._loop.burn_next_tick()
+        if not self.is_attached:
+            self._loop.burn_next_tick()
 
     def add_faults(self, direction: str, kind: str, count: int, argument: int = 1) -> None:
         """Of the next `count` frames "down" to the board or "up" to the host: drop, flip_bit (number `argument`), truncate
         (to `argument` bytes), duplicate or reorder (behind `argument` more)."""
-        self._loop.add_faults(direction, kind, argument, count)
+        if not self.is_attached:
+            self._loop.add_faults(direction, kind, argument, count)
 
     def set_host_delay(self, ticks: int) -> None:
         """From the tick in which a model is due to its hand-over to the link, 0 to 1000 ms."""
@@ -191,8 +210,9 @@ class Live:
 
     def set_speed(self, speed: float) -> None:
         """Virtual over wall-clock time, at most 10; 0 pauses."""
-        self._loop.set_speed(speed)
-        self._speed = speed
+        if not self.is_attached:
+            self._loop.set_speed(speed)
+            self._speed = speed
 
     # Results
 
@@ -208,7 +228,8 @@ class Live:
             if self._recorder.append(rows):
                 self.recorded_ticks += len(block["ticks/tick"])
         if self.status["error"] and self.problem is None:
-            self.problem = self._board.failure() or str(self.status["error"])
+            failure = None if self._board is None else self._board.failure()
+            self.problem = failure or str(self.status["error"])
         if (shown := self._loop.take_picture()) is not None:
             self.picture = Picture(**shown)
         return bool(self.status["running"])
@@ -241,7 +262,7 @@ class Live:
 
     def _wind(self, tick: int) -> None:
         """A tick that does not move is no sign of life, but when the loop is paused."""
-        if tick != self._wound_tick or self._speed == 0.0:
+        if self._board is not None and (tick != self._wound_tick or self._speed == 0.0):
             self._wound_tick = tick
             self._board.sign_of_life(tick)
 
@@ -250,9 +271,21 @@ class Live:
         while not self._ended.wait(_SIGN_S):
             self._wind(self._loop.status["tick"])
 
+    def _normals(self, block: Mapping[str, NDArray[Any]]) -> Floats:
+        """(ticks, 3): outward, zero when free. A trace does not have them: of an attached board they are those of the triangles of
+        the body as it was seen last."""
+        normal: Floats = block["ticks/normal"].astype(np.float64)
+        if self._triangles is None or self.picture is None:
+            return normal
+        touching = block["ticks/contact_mode"] != 0
+        corners = self.picture.position_m[self._triangles[block["ticks/triangle"][touching]]]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal[touching] = across / np.linalg.norm(across, axis=1, keepdims=True)
+        return normal
+
     def _remember(self, block: Mapping[str, NDArray[Any]]) -> None:
         force_N = block["ticks/force_N"].astype(np.float64)
-        normal = block["ticks/normal"].astype(np.float64)
+        normal = self._normals(block)
         tip_m = block["ticks/tip_m"].astype(np.float64)
         mode = block["ticks/contact_mode"]
         pressing_N = -np.einsum("ij,ij->i", force_N, normal)
@@ -293,6 +326,11 @@ class Live:
             record_layout.CONTACT_MODES[mode[-1]],
             float(friction[-1]),
         )
+
+
+def is_address(board: str) -> bool:
+    """Of a link, not the name of an emulated board?"""
+    return ":" in board
 
 
 def _for_a_person(scene: Scene, path: TipPath | None) -> dict[str, Any]:

@@ -92,7 +92,7 @@ class App:
         self._restart(Settings(file, self.settings.board))
 
     def choose_board(self, board: str) -> None:
-        """The same scene on another board (`hil.BOARDS`)."""
+        """The same scene on another board: of `hil.BOARDS`, or an attached one by its address."""
         self._restart(Settings(self.settings.file, board, dict(self.settings.overrides)))
 
     def set(self, name: str, value: Any) -> None:
@@ -107,7 +107,8 @@ class App:
         self._restart(settings)
 
     def set_emergency_stop(self, is_open: bool) -> None:
-        """Opens the chain of the emergency stop and says STOP over the link as well, or closes the chain."""
+        """Opens the chain of the emergency stop and says STOP over the link as well, or closes the chain. Of an attached board
+        only STOP: its chain has a switch of its own."""
         self.emergency_stop = is_open
         self.live.set_emergency_stop(is_open)
         if is_open:

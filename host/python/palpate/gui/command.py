@@ -99,7 +99,7 @@ def _check(options: Options) -> None:
         raise SceneError(f"--duration = {duration_s:g}: must be greater than 0 s, and finite")
     if options.screenshot is not None and options.screenshot.suffix != ".png":
         raise SceneError(f"--screenshot = {options.screenshot}: must end in .png")
-    Live(options.settings.scene(), options.settings.board)  # can it be touched?
+    Live(options.settings.scene(), options.settings.board)  # can it be touched? Nothing is opened yet
 
 
 def _load_script(file: Path | None) -> Callable[[Any, float], object] | None:

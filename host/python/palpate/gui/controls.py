@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import polyscope.imgui as psim
 
+from palpate.board_search import find_boards
 from palpate.gui.body_view import COLOURINGS
 from palpate.gui.settings import BAUDS, BUILDERS
 from palpate.hil import BOARDS
@@ -51,6 +52,7 @@ class Controls:
         self._grip = 1.0
         self._delay_ms: int | None = None
         self._speed = 1.0
+        self._attached: list[str] = []  # addresses of boards that were found
 
     def draw(self, app: "App") -> None:
         """In the present window."""
@@ -77,6 +79,8 @@ class Controls:
     def _safety(self, app: "App") -> None:
         live = app.live
         mode = MODES[min(live.status["board_mode"], len(MODES) - 1)] if live.status["board_heard"] else "boot"
+        if not live.status["link_is_open"]:
+            psim.TextColored(_BAD, "the link has gone: waiting for it")
         psim.TextColored(_MODE_COLOURS[mode], f"board {live.board_name}: {mode}")
         for name in fault_names(live.status["board_faults"]):
             psim.TextColored(_BAD, f"  {name}")
@@ -88,7 +92,7 @@ class Controls:
         psim.PopStyleColor(2)
         _button(app, "arm", mode == "idle", live.arm)
         psim.SameLine()
-        _button(app, "disarm", mode == "render", lambda: live.command("disarm"))
+        _button(app, "disarm", mode in ("render", "direct"), lambda: live.command("disarm"))
         psim.SameLine()
         _button(app, "clear fault", mode == "fault" and not app.emergency_stop, lambda: live.command("clear_fault"))
         psim.SameLine()
@@ -102,10 +106,14 @@ class Controls:
         changed, index = psim.Combo("scene", files.index(file), [file.stem for file in files])
         if changed:
             app.later(partial(app.open, files[index]))
-        boards = list(BOARDS)
+        boards = [*BOARDS, *(address for address in self._attached if address != settings.board)]
+        if settings.board not in boards:
+            boards.append(settings.board)
         changed, index = psim.Combo("board", boards.index(settings.board), boards)
         if changed:
             app.later(partial(app.choose_board, boards[index]))
+        _button(app, "look for boards", True, lambda: self._look_for_boards(app))
+        psim.SetItemTooltip("at serial ports that look like one, and where PALPATE_LINK says")
         logarithmic = psim.ImGuiSliderFlags_Logarithmic
         for name, label, low, high, text, flags in (
             ("stiffness_N_m", "spring", 1.0, 1e4, "%.0f N/m", logarithmic),
@@ -120,11 +128,12 @@ class Controls:
         changed, index = psim.Combo("builder", BUILDERS.index(app.pending.get("builder", shown["builder"])), BUILDERS)
         if changed:
             app.pending["builder"] = BUILDERS[index]
-        baud = app.pending.get("baud", shown["baud"])
-        bauds = sorted({*BAUDS, baud})
-        changed, index = psim.Combo("link", bauds.index(baud), [f"{b / 1e6:g} Mbaud" for b in bauds])
-        if changed:
-            app.pending["baud"] = bauds[index]
+        if not app.live.is_attached:  # its link is what it is
+            baud = app.pending.get("baud", shown["baud"])
+            bauds = sorted({*BAUDS, baud})
+            changed, index = psim.Combo("link", bauds.index(baud), [f"{b / 1e6:g} Mbaud" for b in bauds])
+            if changed:
+                app.pending["baud"] = bauds[index]
         _button(app, "apply and restart", bool(app.pending), app.apply)
         psim.SameLine()
         _button(app, "scene's own", bool(settings.overrides or app.pending), lambda: app.open(settings.file))
@@ -133,11 +142,20 @@ class Controls:
         if changed:
             self._delay_ms = delay_ms
             app.later(partial(app.live.set_host_delay, delay_ms))
+        if app.live.is_attached:
+            return
         changed, self._speed = psim.SliderFloat("speed", self._speed, 0.0, 2.0, "%.2f of real time", _CLAMP)
         if changed:
             app.later(partial(app.live.set_speed, self._speed))
 
+    def _look_for_boards(self, app: "App") -> None:
+        self._attached = [found.address for found in find_boards()]
+        app.message = "" if self._attached else "No board has answered."
+
     def _hand(self, app: "App") -> None:
+        if app.live.is_attached:
+            psim.TextColored(_DULL, "yours, at the device")
+            return
         changed, enabled = psim.Checkbox("mouse is the hand (H)", app.hand.enabled)
         if changed:
             app.later(partial(app.use_mouse, enabled))
@@ -171,6 +189,9 @@ class Controls:
 
     def _faults(self, app: "App") -> None:
         live = app.live
+        if live.is_attached:
+            psim.TextColored(_DULL, "only into an emulated board's link")
+            return
         _, self._direction = psim.Combo("frames", self._direction, ["to the board", "to the host"])
         _, self._fault_kind = psim.Combo("fault", self._fault_kind, _FAULT_KINDS)
         _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames", _CLAMP)
@@ -187,10 +208,12 @@ class Controls:
         live = app.live
         status = live.status
         psim.Text(f"{app.frames_per_s:.0f} frames/s, loop at {app.real_time:.2f} of real time")
-        if status["running"] and app.real_time < 0.9 and self._speed >= 1.0:
+        if not live.is_attached and status["running"] and app.real_time < 0.9 and self._speed >= 1.0:
             psim.TextColored(_WARNING, "this machine is too slow for the body:\neverything goes slower, nothing is lost")
         psim.Text(f"models {status['models_taken']} of {status['models_sent']}, refused {status['models_refused']}")
         psim.Text(f"frames lost: {status['frames_lost_down']} down, {status['frames_lost_up']} up")
+        if status["links_opened"] > 1:
+            psim.TextColored(_WARNING, f"link opened again {status['links_opened'] - 1} times")
         psim.Text(f"missed deadlines {status['board_missed_deadlines']}")
         if live.contact is not None:
             x_mm, y_mm, z_mm = 1e3 * live.contact.tip_m

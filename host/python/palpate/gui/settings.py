@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from palpate.live import is_address
 from palpate.scene import Scene, load_scene
 
 BUILDERS = ("patch", "patch_rescaled", "condensed", "krylov", "hybrid")
@@ -20,7 +21,8 @@ _KEYS = {
 
 @dataclass
 class Settings:
-    """Values of the controls that need a new start. Those that nobody has touched leave the scene as it is."""
+    """Values of the controls that need a new start. Those that nobody has touched leave the scene as it is. board: a name in
+    `hil.BOARDS`, or the address of an attached one."""
 
     file: Path
     board: str
@@ -32,7 +34,7 @@ class Settings:
 
     def scene(self) -> Scene:
         """Raises SceneError as load_scene does."""
-        return load_scene(self.file, self.overrides, self.board)
+        return load_scene(self.file, self.overrides, None if is_address(self.board) else self.board)
 
 
 def shown(scene: Scene) -> dict[str, Any]:

@@ -1,0 +1,32 @@
+"""Beside a board that runs by itself, whose hand plays its path over and over."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from stages import run  # noqa: E402
+
+IDLE, RENDER = 1, 3
+
+
+def stages(app):
+    live = app.live
+    assert live.is_attached
+    while live.status["board_mode"] != IDLE:
+        yield
+    live.arm()
+    while live.status["board_mode"] != RENDER:
+        yield
+    while live.contact is None or live.contact.mode == "free" or -live.contact.force_N @ live.contact.normal < 0.2:
+        yield
+    assert not live.guide_hand([0.0, 0.0, 0.0])  # it is not ours
+    app.use_mouse(False)
+    # A second of lines in the plots, while it touches.
+    until = live.status["tick"] + 1000
+    while live.status["tick"] < until or live.contact.mode == "free":
+        yield
+    assert live.status["models_taken"] > 0
+    assert app.message == "", app.message
+
+
+step = run(stages)
