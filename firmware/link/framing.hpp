@@ -74,9 +74,10 @@ class CanFraming {
  private:
   // All that the host sends and that does not fit in one frame of classic CAN, 7 bytes; on CAN FD the small
   // ones do. A message that is missing here never arrives.
-  static constexpr std::array<wire::CanRoom, 4> kRooms{
+  static constexpr std::array<wire::CanRoom, 5> kRooms{
       room_for<palpate_ModelState_1_0>(), room_for<palpate_ModelPart_1_0>(),
-      room_for<palpate_TraceRequest_1_0>(), room_for<palpate_Command_Request_1_0>()};
+      room_for<palpate_TraceRequest_1_0>(), room_for<palpate_Command_Request_1_0>(),
+      room_for<palpate_DirectForce_1_0>()};
   static_assert(wire::MessageTraits<palpate_GetInfo_Request_1_0>::kMaxBytes <= 7);
 
   wire::CanRoomsReceiver<kRooms> receiver_{wire::kBoardNode};

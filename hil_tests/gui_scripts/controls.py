@@ -109,6 +109,9 @@ def stages(app):
     app.live.add_faults("up", "drop", 30)
     yield from wait_ticks(app, 700)
     assert app.live.status["frames_lost_up"] > 0
+    app.plots.shown.append("losses")
+    yield from wait_ticks(app, 50)
+    assert app.live.history["frames_lost"][-1] > 0.0
     app.set_emergency_stop(True)
     yield from wait_for_mode(app, FAULT)
     app.set_emergency_stop(False)

@@ -83,7 +83,7 @@ struct palpate_device {
   explicit palpate_device(std::unique_ptr<link::Transport> opened)
       : link(std::move(opened)),
         state_ticks(ticks_between_states(link->bytes_per_s())),
-        endpoint({.first_transfer_id = first_transfer_id()}) {}
+        endpoint({.first_transfer_id = first_transfer_id(), .framing = link->framing()}) {}
   ~palpate_device() {
     stop = true;
     if (reader.joinable()) reader.join();

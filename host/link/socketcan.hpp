@@ -34,6 +34,10 @@ class SocketCan final : public DescriptorLink {
   std::vector<std::uint8_t> read(std::chrono::microseconds longest) override;
   [[nodiscard]] bool is_open() const override { return !gone_ && DescriptorLink::is_open(); }
 
+  [[nodiscard]] FramingKind framing() const override {
+    return fd_ ? FramingKind::can_fd : FramingKind::can_classic;
+  }
+
   // As of now. Any thread.
   CanErrors errors();
   bool is_bus_off();

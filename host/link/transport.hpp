@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "host/link/framing.hpp"
+
 namespace palpate::link {
 
 // The device is not there, is not what its address says, or may not be used. what() names address and reason.
@@ -44,6 +46,8 @@ class Transport {
   // What it carries at most each way, for a sender that paces itself; 0: not known, more than 1 MB/s.
   [[nodiscard]] virtual double bytes_per_s() const = 0;
   [[nodiscard]] virtual TransportCounters counters() const = 0;
+  // How transfers become its bytes.
+  [[nodiscard]] virtual FramingKind framing() const { return FramingKind::serial; }
 
   static constexpr std::chrono::milliseconds kWritePatience{20};  // some frames at 1 Mbaud
 

@@ -10,7 +10,8 @@
 namespace palpate::host {
 namespace {
 
-ClosedLoopConfig for_a_board(ClosedLoopConfig config) {
+ClosedLoopConfig for_a_board(ClosedLoopConfig config, const link::Transport& link) {
+  config.framing = link.framing();
   config.arms_by_itself = false;
   config.session_beside = true;
   config.trace.form = TraceForm::full;  // what the screen shows
@@ -31,7 +32,7 @@ AttachedLoop::AttachedLoop(AttachedSetup setup)
       arm_(setup.plant.arm),
       encoder_reference_(setup.plant.encoder_reference),
       link_(link::open_transport(address_)),
-      host_(body_, setup.start, for_a_board(std::move(setup.loop))) {
+      host_(body_, setup.start, for_a_board(std::move(setup.loop), *link_)) {
   host_.listen([this](const palpate_ServoTrace_1_0& trace) { take(trace); });
 }
 

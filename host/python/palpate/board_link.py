@@ -68,8 +68,6 @@ class BoardLink:
     def __init__(self, link: str, baud: int = 115_200, timeout_s: float = 5.0) -> None:
         self._timeout_s = timeout_s
         self._started_s = time.monotonic()
-        # Other numbers than those of a run a second ago: the board takes equal ones for copies.
-        self._endpoint = _core.HostEndpoint(int(time.time() * 1000))
         self._received: deque[dict[str, Any]] = deque()
         self._trace: dict[str, Any] | None = None
         self._armed = False
@@ -77,6 +75,8 @@ class BoardLink:
             self._link = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
         except RuntimeError as error:
             raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
+        # Other numbers than those of a run a second ago: the board takes equal ones for copies.
+        self._endpoint = _core.HostEndpoint(int(time.time() * 1000), self._link)
         self.name = link
 
     def __enter__(self) -> Self:

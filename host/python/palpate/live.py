@@ -40,8 +40,8 @@ _START_ABOVE_M = 0.015
 _SIGN_S = 1.0  # between two looks at the tick, for the watchdog
 COLUMNS = (
     "time_s", "force_normal_N", "force_tangential_N", "cone_N", "contact_mode", "tip_x_m", "tip_y_m", "tip_z_m",
-    "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "absorbed_J", "late_s",
-    "took_s",
+    "tick_count", "busy_count", "model_age_s", "link_up_bytes", "link_down_bytes", "frames_lost", "absorbed_J",
+    "late_s", "took_s",
 )  # fmt: skip
 
 
@@ -314,6 +314,8 @@ class Live:
             "model_age_s": block["ticks/model_age_ticks"] * TICK_S,
             "link_up_bytes": block["ticks/link_up_bytes"],
             "link_down_bytes": block["ticks/link_down_bytes"],
+            # Of both directions since the start, as it was known when these ticks were taken over.
+            "frames_lost": np.full(len(mode), float(self.status["frames_lost_down"] + self.status["frames_lost_up"])),
             "absorbed_J": absorbed_J,
             "late_s": block["wall/late_s"],
             "took_s": block["wall/took_s"],

@@ -137,6 +137,10 @@ def _link(history: History, window_s: float, size: tuple[float, float]) -> None:
     ], 10.0)  # fmt: skip
 
 
+def _losses(history: History, window_s: float, size: tuple[float, float]) -> None:
+    _lines("lost so far", "frames", history, window_s, size, [("both directions", history["frames_lost"], _RED)], 5.0)
+
+
 def _age(history: History, window_s: float, size: tuple[float, float]) -> None:
     _lines("model age", "ms", history, window_s, size, [("age", 1e3 * history["model_age_s"], _BLUE)], 50.0)
 
@@ -163,6 +167,7 @@ PLOTS = (
     Plot("tip path", _path),
     Plot("tick time", _ticks),
     Plot("link", _link),
+    Plot("losses", _losses),
     Plot("model age", _age),
     Plot("energy", _energy),
     Plot("jitter", _late),
