@@ -120,6 +120,15 @@ def test_an_attached_board_is_found_and_told(device: VirtualDevice, monkeypatch:
     assert len(told) == 1 and not told[0].ok and not told[0].needed
 
 
+def test_a_named_board_that_does_not_answer_is_an_error() -> None:
+    environment = {**ENVIRONMENT, board_search.VARIABLE: "serial:/nowhere"}
+    done = subprocess.run(
+        [sys.executable, "-m", "palpate", "gui"], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=DEADLINE_S
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "PALPATE_LINK = serial:/nowhere" in done.stderr
+
+
 @pytest.mark.timeout(300)
 def test_the_window_finds_it_by_itself(device: VirtualDevice, tmp_path: Path) -> None:
     picture = tmp_path / "attached.png"

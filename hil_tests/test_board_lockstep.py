@@ -93,7 +93,7 @@ def test_tips_alone_tell_every_tip_position_within_their_bound(board):
             np.testing.assert_allclose(at_m, true_m.astype(float), rtol=0.0, atol=0.502 * 2.0**exponent)
     assert next_tick >= 200
     # What cannot be asked for is refused, and all goes on as before.
-    refused = b"".join(LinkCodec.trace_request(1 + i, 0, 0, form, ticks) for i, (form, ticks) in enumerate([(2, 8), (1, 0), (1, 33)]))
+    refused = b"".join(LinkCodec.trace_request(1 + i, 0, 0, form, ticks) for i, (form, ticks) in enumerate([(3, 8), (1, 0), (1, 33)]))
     board.tick(link=refused)
     board.run(100)
     status = parse_status(board.take(LinkCodec.BOARD_STATUS)[-1].payload)

@@ -128,7 +128,7 @@ def test_pycyphal_reads_our_transfers(framing):
     """One transfer of each message, as the serial samples have them (whose values test_wire_interop.py checks)."""
     mtu = FORMATS[framing]
     expected, _ = parse(wire_sample("write", "serial"), "serial")
-    assert len(expected) == 12
+    assert len(expected) == 14
     frames = frames_of(wire_sample("write", framing))
     assert all(frame.is_fd == (mtu > 8) and len(frame.data) <= mtu for frame in frames)
     assert len(frames) > len(expected)

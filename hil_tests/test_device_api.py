@@ -105,13 +105,9 @@ def test_the_hand_can_be_led_and_the_tip_follows():
     with palpate.VirtualDevice(scene) as device:
         assert not device.guide_hand([1.0, 0.0, 0.0])  # out of the arm's reach
         assert device.guide_hand(target_m)
-        before = -1
         # The arm's weight, which nobody carries while outputs are off, pulls the hand down by millimetres.
         while np.linalg.norm(device.state.tip_m - target_m) > 5e-3:
-            tick = device.state.tick
-            assert tick < 60_000
-            before = max(before, tick)
-        assert before < 60_000
+            assert device.state.tick < 60_000
 
 
 def test_only_the_interface_is_exported():

@@ -277,6 +277,48 @@ TEST_F(DirectDevice, ObeysTheProgramThatArmedIt) {
   EXPECT_EQ(endpoint_->counters().frames_refused, refused + 1);
 }
 
+// Neither what was sent before, nor what was a fault, comes back when the outputs do.
+TEST_F(DirectDevice, ForcesOfBeforeAreForgotten) {
+  arm();
+  ticks(limits_.soft_start_ticks + 1);
+  send({0.0f, 0.0f, 2.0f * limits_.force_fault_N});
+  ticks(2);
+  ASSERT_FALSE(output_.outputs_on);
+  ASSERT_EQ(output_.mode, Mode::fault);
+  send({0.0f, 0.0f, 2.0f * limits_.force_fault_N});  // in fault
+  EXPECT_EQ(command(palpate_Command_Request_1_0_CLEAR_FAULT).status, 0);
+  send({0.0f, 0.0f, 5.0f});  // in idle
+  ticks(1);
+  const auto challenge = command(palpate_Command_Request_1_0_ARM_DIRECT);
+  ASSERT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token).status, 0);
+  for (std::uint32_t i = 0; i < 2 * limits_.soft_start_ticks; ++i) {
+    ticks(1);
+    ASSERT_TRUE(output_.outputs_on) << i;
+    ASSERT_EQ(output_.force_N, Vec3f{}) << i;
+  }
+}
+
+// A board that has been on for a month, whose program comes back to it.
+TEST_F(DirectDevice, SendsStatesAtAnyTick) {
+  for (const std::uint32_t tick : {0x80000010u, 0xfffffff0u}) {
+    timing_.tick = tick;
+    ticks(2);
+    ask_for_states(1);
+    ticks(2);
+    (void)host_.take<palpate_DeviceState_1_0>();
+    ticks(40);
+    const auto states = host_.take<palpate_DeviceState_1_0>();
+    ASSERT_EQ(states.size(), 40u) << tick;
+    EXPECT_EQ(states.back().tick, timing_.tick - 1);
+    host_.send(palpate_TraceRequest_1_0{
+        .first_tick = 0, .count = 0, .form = palpate_TraceRequest_1_0_FORM_FULL, .ticks = 4});
+    ticks(2);
+    (void)host_.take<palpate_DeviceState_1_0>();
+    ticks(40);
+    EXPECT_TRUE(host_.take<palpate_DeviceState_1_0>().empty());
+  }
+}
+
 TEST_F(DirectDevice, RefusesNumbersThatAreNone) {
   arm();
   ticks(limits_.soft_start_ticks + 1);

@@ -79,9 +79,13 @@ void Servo::update_estimate(const ServoTiming& timing, const ServoSensors& senso
 }
 
 void Servo::take_direct_forces(std::uint32_t elapsed_ticks) {
+  // What was sent before the outputs came on is never felt.
+  const bool is_felt = state_.mode == Mode::direct;
   const std::uint32_t age = direct_age_ticks_ + elapsed_ticks;
-  direct_age_ticks_ = age < direct_age_ticks_ ? UINT32_MAX : age;
+  direct_age_ticks_ = !is_felt || age < direct_age_ticks_ ? UINT32_MAX : age;
+  if (!is_felt) direct_force_N_ = {};
   for (Vec3f force_N; mailbox_.direct_forces.pop(force_N);) {
+    if (!is_felt) continue;
     direct_force_N_ = -force_N;  // the hand's to the body's
     direct_age_ticks_ = 0;
   }
@@ -161,7 +165,7 @@ void Servo::post(const ServoTiming& timing, const Decision& decision) {
 
 void Servo::post_device(const ServoTiming& timing, const device::Pose& pose) {
   if (!mailbox_.device_wanted.load(std::memory_order_relaxed)) return;
-  // Full: the background is late; it takes both and says the newer.
+  // Full: the background has not run for two ticks.
   (void)mailbox_.device.push({.tick = timing.tick,
                               .tip_m = tip_m_,
                               .velocity_m_s = device::estimated_velocity(device_, pose, estimators_),

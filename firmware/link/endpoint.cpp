@@ -132,6 +132,11 @@ Status Endpoint::take_trace_request(const wire::Frame& frame) {
     return Status::payload_malformed;
   if (request.count > 0 && request_count_ == requests_.size()) return Status::command_refused;
   if (request.count > 0) requests_[request_count_++] = {request.first_tick, request.count};
+  if (device && trace_form_ != request.form) {
+    for (DeviceSample stale; mailbox_.device.pop(stale);) {
+    }
+    next_device_tick_ = servo_.next_tick();
+  }
   trace_form_ = request.form;
   trace_ticks_ = request.ticks;
   mailbox_.device_wanted.store(device, std::memory_order_relaxed);

@@ -27,6 +27,20 @@ def stages(app):
         yield
     assert live.status["models_taken"] > 0
     assert app.message == "", app.message
+    # Another start beside the same board: it is free for it, and a person has to arm again.
+    app.set("friction", 0.3)
+    app.apply()
+    assert app.message == "" and app.live is not live, app.message
+    assert app.live.scene.sections.contact.friction == 0.3
+    live = app.live
+    while live.status["board_mode"] != IDLE:
+        yield
+    live.arm()
+    while live.contact is None or live.contact.mode == "free" or live.status["board_mode"] != RENDER:
+        yield
+    until = live.status["tick"] + 1000
+    while live.status["tick"] < until or live.contact.mode == "free":
+        yield
 
 
 step = run(stages)

@@ -1,4 +1,6 @@
 // palpate_device.h on the host's end of the link.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -15,6 +17,7 @@
 #include <thread>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "host/device_api/palpate_device.h"
 #include "host/link/host_endpoint.hpp"
@@ -33,12 +36,13 @@ constexpr auto kSilence = 500ms;      // without a state: five statuses of the b
 constexpr auto kCommandPatience = 1s;
 constexpr auto kOpenPatience = 3s;
 constexpr auto kCalibrationPatience = 2s;
-constexpr std::uint32_t kCalibration_ticks = 110;  // 100 of rest, and it begins within some
-constexpr double kAtReference_m = 1e-3;            // after a calibration the tip is there
+constexpr std::uint32_t kRest_ticks = 100;         // of a calibration
+constexpr std::uint32_t kCalibration_ticks = 150;  // it begins within some
+constexpr std::uint32_t kSlack_ticks = 10;         // states that came late or not
 constexpr double kTicksPerS = 1000.0;
-// A state takes 44 bytes of payload; of the link's rate a fifth is left to statuses and answers.
-constexpr double kStateFrame_bytes = 78.0;
-constexpr double kLinkShare = 0.8;
+constexpr double kLinkShare = 0.9;    // of its rate, for states and forces
+constexpr double kMost_ticks = 32.0;  // from one state to the next (palpate.TraceRequest)
+constexpr double kMost_N = 1e6;       // of a force that is meant
 
 static_assert(PALPATE_MODE_DIRECT == palpate_BoardStatus_1_0_MODE_DIRECT);
 static_assert(PALPATE_MODE_FAULT == palpate_BoardStatus_1_0_MODE_FAULT);
@@ -55,17 +59,30 @@ std::string mode_name(std::uint8_t mode) {
   return mode < std::size(kModes) ? kModes[mode] : std::to_string(mode);
 }
 
-std::uint64_t first_transfer_id() {
-  // Other numbers than those of a program that ended a second ago: the board takes equal ones for copies.
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(
-                                        std::chrono::system_clock::now().time_since_epoch())
-                                        .count());
+// Of its own for each program on this computer, so that the board can tell them apart; palpate's host is node
+// 10, the board 42.
+std::uint16_t own_node() {
+  constexpr std::uint16_t kFirst = 50, kNodes = 70;  // CAN has 128
+  return static_cast<std::uint16_t>(kFirst + ::getpid() % kNodes);
 }
 
-std::uint8_t ticks_between_states(double bytes_per_s) {
-  if (bytes_per_s <= 0.0) return 1;
-  const double ticks = std::ceil(kTicksPerS * kStateFrame_bytes / (kLinkShare * bytes_per_s));
-  return static_cast<std::uint8_t>(std::clamp(ticks, 1.0, 32.0));
+// From one state to the next, so that states and the forces that answer them leave a part of the link for
+// statuses and commands.
+double ticks_between_states(const link::Transport& link) {
+  if (link.bytes_per_s() <= 0.0) return 1.0;
+  const auto framing = link::make_framing(link.framing());
+  const auto bytes = [&framing]<class Message>(const Message&) {
+    const std::vector<std::uint8_t> payload(wire::MessageTraits<Message>::kMaxBytes, 0xA5);
+    const wire::FrameHeader header{.source = wire::kBoardNode,
+                                   .destination = wire::kBroadcast,
+                                   .specifier = wire::MessageTraits<Message>::kSpecifier};
+    return static_cast<double>(framing->encode(header, payload).size());
+  };
+  // A serial line carries both ways at once; a CAN bus is one.
+  const double both = link.framing() == link::FramingKind::serial
+                          ? bytes(palpate_DeviceState_1_0{})
+                          : bytes(palpate_DeviceState_1_0{}) + bytes(palpate_DirectForce_1_0{});
+  return std::max(1.0, std::ceil(kTicksPerS * both / (kLinkShare * link.bytes_per_s())));
 }
 
 template <class Text>
@@ -82,8 +99,10 @@ thread_local std::string opening_error;  // of palpate_device_open()
 struct palpate_device {
   explicit palpate_device(std::unique_ptr<link::Transport> opened)
       : link(std::move(opened)),
-        state_ticks(ticks_between_states(link->bytes_per_s())),
-        endpoint({.first_transfer_id = first_transfer_id(), .framing = link->framing()}) {}
+        state_ticks(static_cast<std::uint8_t>(std::min(ticks_between_states(*link), kMost_ticks))),
+        endpoint({.node = own_node(),
+                  .first_transfer_id = link::fresh_transfer_id(),
+                  .framing = link->framing()}) {}
   ~palpate_device() {
     stop = true;
     if (reader.joinable()) reader.join();
@@ -94,8 +113,14 @@ struct palpate_device {
   void start() {
     reader = std::thread([this] { read(); });
     Lock lock(mutex);
-    ask_for_info(lock);
     const auto begun = Clock::now();
+    ask_for_info(lock, begun);
+    const double needed = ticks_between_states(*link);
+    if (needed > std::min(kMost_ticks, static_cast<double>(info.direct_hold_ticks)))
+      throw Problem{
+          PALPATE_CANNOT_OPEN,
+          named("carries a state every " + std::to_string(static_cast<int>(needed)) +
+                " ms, but a force is held only " + std::to_string(info.direct_hold_ticks) + ": too slow")};
     while (!state || state->mode == PALPATE_MODE_BOOT) {  // some 20 ms after it starts
       if (Clock::now() - begun > kOpenPatience) throw Problem{PALPATE_NO_BOARD, named("sends no states")};
       ask_for_states();
@@ -103,7 +128,8 @@ struct palpate_device {
     }
   }
 
-  palpate_device_info get_info() const {
+  palpate_device_info get_info() {
+    const Lock lock(mutex);
     palpate_device_info out{};
     copy_text(info.board, out.board);
     copy_text(info.firmware, out.firmware);
@@ -134,9 +160,10 @@ struct palpate_device {
     Lock lock(mutex);
     (void)current();
     const auto challenge = command(lock, palpate_Command_Request_1_0_ARM_DIRECT, 0, "to enable");
-    enabled = true;  // from here on leave it disabled, whatever happens
+    may_be_on = true;  // from here on leave it disabled, whatever happens
     (void)command(lock, palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token, "to enable");
     until_state(lock, kCommandPatience, [this] { return state->mode == PALPATE_MODE_DIRECT; });
+    enabled = true;
   }
 
   void disable() {
@@ -145,17 +172,25 @@ struct palpate_device {
     pending.reset();
     (void)command(lock, palpate_Command_Request_1_0_DISARM, 0, "to disable");
     until_state(lock, kCommandPatience, [this] { return state->mode != PALPATE_MODE_DIRECT; });
+    may_be_on = false;
   }
 
   void calibrate() {
     Lock lock(mutex);
+    const std::uint32_t asked_tick = current().tick;
     (void)command(lock, palpate_Command_Request_1_0_CALIBRATE, 0, "to calibrate");
-    const std::uint32_t begun_tick = state->tick;
+    // An arm that moves ends it before its time.
+    std::optional<std::uint32_t> first_tick, last_tick;
     until_state(lock, kCalibrationPatience, [&] {
-      return state->tick - begun_tick > kCalibration_ticks && state->mode != PALPATE_MODE_CALIBRATE;
+      if (state->mode == PALPATE_MODE_CALIBRATE) {
+        if (!first_tick) first_tick = state->tick;
+        last_tick = state->tick;
+      }
+      return state->tick - asked_tick > kCalibration_ticks && state->mode != PALPATE_MODE_CALIBRATE;
     });
-    const double away_m = std::hypot(state->tip_m[0], state->tip_m[1], state->tip_m[2]);
-    if (away_m > kAtReference_m) throw Problem{PALPATE_REFUSED, named("calibrating: the tip did not rest")};
+    const std::uint32_t rest_ticks = first_tick ? *last_tick - *first_tick : 0;
+    if (rest_ticks + 2u * state_ticks + kSlack_ticks < kRest_ticks)
+      throw Problem{PALPATE_REFUSED, named("calibrating: the arm did not rest for 0.1 s")};
   }
 
   void clear_fault() {
@@ -178,11 +213,14 @@ struct palpate_device {
 
   // Best effort: the board switches off by itself a second later.
   void leave() {
-    if (!enabled) return;
     try {
-      disable();
+      if (may_be_on) disable();
     } catch (const Problem&) {
     }
+    const Lock lock(mutex);
+    constexpr std::uint8_t kUsualTicks = 4;  // as a board begins
+    write(endpoint.encode(palpate_TraceRequest_1_0{
+        .first_tick = 0, .count = 0, .form = palpate_TraceRequest_1_0_FORM_FULL, .ticks = kUsualTicks}));
   }
 
   // Of whoever calls.
@@ -231,8 +269,7 @@ struct palpate_device {
 
   void write(const link::OutgoingFrame& frame) { (void)link->write(frame.bytes); }
 
-  void ask_for_info(Lock& lock) {
-    const auto begun = Clock::now();
+  void ask_for_info(Lock& lock, Clock::time_point begun) {
     while (!has_info) {
       if (!link->is_open()) throw Problem{PALPATE_CANNOT_OPEN, named("the link has gone")};
       if (Clock::now() - begun > kOpenPatience)
@@ -282,10 +319,18 @@ struct palpate_device {
 
   // The thread.
   void read() {
+    try {
+      read_until_stopped();
+    } catch (const std::exception&) {
+      stop = true;  // out of memory: the rest sees a silent board
+    }
+  }
+
+  void read_until_stopped() {
     const auto begun = Clock::now();
     while (!stop) {
-      const auto bytes = link->read(kReadPatience);
       if (!link->is_open()) std::this_thread::sleep_for(kReadPatience);  // nothing comes any more
+      const auto bytes = link->read(kReadPatience);
       const auto passed = std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - begun);
       const Lock lock(mutex);
       for (const link::Incoming& incoming :
@@ -299,6 +344,11 @@ struct palpate_device {
     state = message;
     arrived = Clock::now();
     may_send = true;
+    // A fault, a force that did not come in time, a board that has started again: to be enabled anew.
+    if (message.mode != PALPATE_MODE_DIRECT) {
+      enabled = false;
+      pending.reset();
+    }
     if (pending) send_pending();
   }
   void take(const palpate_BoardStatus_1_0& status) {
@@ -309,6 +359,7 @@ struct palpate_device {
   }
   void take(const link::CommandResponse& response) { answer = response; }
   void take(const link::InfoResponse& response) {
+    if (has_info) return;  // asked twice
     info = response.message;
     has_info = true;
   }
@@ -327,7 +378,8 @@ struct palpate_device {
   Clock::time_point arrived{};
   std::optional<std::uint32_t> returned_tick;  // by wait()
   std::optional<link::CommandResponse> answer;
-  bool enabled = false;
+  bool enabled = false;    // in mode direct, for this program
+  bool may_be_on = false;  // a confirmation was sent
   std::optional<palpate_DirectForce_1_0>
       pending;  // waits for the next state, so that the board is not flooded
   bool may_send = true;
@@ -362,11 +414,11 @@ palpate_result guarded(palpate_device* device, Out* out, Call call) {
 
 palpate_result palpate_device_open(const char* address, palpate_device** device) {
   opening_error.clear();
+  if (device != nullptr) *device = nullptr;
   if (device == nullptr || address == nullptr) {
     opening_error = "address or device is a null pointer";
     return PALPATE_BAD_ARGUMENT;
   }
-  *device = nullptr;
   try {
     auto opened = std::make_unique<palpate_device>(link::open_transport(address));
     opened->start();
@@ -430,7 +482,9 @@ palpate_result palpate_device_set_force(palpate_device* device, const double for
   if (device == nullptr) return PALPATE_BAD_ARGUMENT;
   if (force_N == nullptr) return device->remember({PALPATE_BAD_ARGUMENT, "force_N is a null pointer"});
   for (int i = 0; i < 3; ++i)
-    if (!std::isfinite(force_N[i]))
-      return device->remember({PALPATE_BAD_ARGUMENT, "force_N[" + std::to_string(i) + "] is not finite"});
+    if (!(std::fabs(force_N[i]) <= kMost_N))
+      return device->remember({PALPATE_BAD_ARGUMENT, "force_N[" + std::to_string(i) + "] is " +
+                                                         std::to_string(force_N[i]) +
+                                                         ", allowed -1e6 to 1e6 N"});
   return guarded(device, [&] { device->set_force(force_N); });
 }

@@ -185,6 +185,7 @@ TEST_P(DeviceApi, RefusesBadArguments) {
   EXPECT_EQ(palpate_device_wait(device_, -1.0, &state), PALPATE_BAD_ARGUMENT);
   EXPECT_EQ(push(std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0), PALPATE_BAD_ARGUMENT);
   EXPECT_NE(std::string(palpate_device_error(device_)).find("force_N[0]"), std::string::npos);
+  EXPECT_EQ(push(0.0, 1e39, 0.0), PALPATE_BAD_ARGUMENT);
   EXPECT_EQ(palpate_device_set_force(device_, nullptr), PALPATE_BAD_ARGUMENT);
 }
 
@@ -202,9 +203,24 @@ TEST_P(DeviceApi, ABoardThatGoesIsLost) {
 INSTANTIATE_TEST_SUITE_P(Links, DeviceApi, ::testing::Values("pty:", "udp-listen:127.0.0.1:0"),
                          [](const auto& link) { return std::string(link.param).substr(0, 3); });
 
+// A force must come before the one before it fades.
+TEST(DeviceApiOpen, RefusesALineThatIsTooSlow) {
+  const auto device = make_device("pty:");
+  palpate_device* opened = nullptr;
+  EXPECT_EQ(palpate_device_open((device->address() + ",9600").c_str(), &opened), PALPATE_CANNOT_OPEN);
+  EXPECT_NE(std::string(palpate_device_error(nullptr)).find("too slow"), std::string::npos);
+  ASSERT_EQ(palpate_device_open((device->address() + ",115200").c_str(), &opened), PALPATE_OK);
+  palpate_device_info info{};
+  EXPECT_EQ(palpate_device_get_info(opened, &info), PALPATE_OK);
+  EXPECT_LT(info.state_rate_Hz, 200.0);
+  EXPECT_GT(info.state_rate_Hz, 50.0);
+  palpate_device_close(opened);
+}
+
 TEST(DeviceApiOpen, SaysWhyItCannot) {
-  palpate_device* device = nullptr;
+  palpate_device* device = reinterpret_cast<palpate_device*>(&device);
   EXPECT_EQ(palpate_device_open(nullptr, &device), PALPATE_BAD_ARGUMENT);
+  EXPECT_EQ(device, nullptr);
   EXPECT_EQ(palpate_device_open("serial:/nowhere", &device), PALPATE_CANNOT_OPEN);
   EXPECT_NE(std::string(palpate_device_error(nullptr)).find("/nowhere"), std::string::npos);
   const auto nobody = link::open_transport("pty:");

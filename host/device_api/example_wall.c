@@ -30,7 +30,12 @@ int main(int argc, char **argv) {
     fprintf(stderr, "usage: example_wall ADDRESS [SECONDS]\n");
     return 2;
   }
-  const double duration_s = argc == 3 ? atof(argv[2]) : 30.0;
+  char *end = "";
+  const double duration_s = argc == 3 ? strtod(argv[2], &end) : 30.0;
+  if (*end != '\0' || !(duration_s > 0.0 && duration_s < 1e6)) {
+    fprintf(stderr, "SECONDS is %s: must be a number from 0 to 1e6\n", argv[2]);
+    return 2;
+  }
   palpate_device *device = NULL;
   if (palpate_device_open(argv[1], &device) != PALPATE_OK) return fail("open", NULL);
   palpate_device_info info;
@@ -45,8 +50,7 @@ int main(int argc, char **argv) {
   unsigned long states = 0;
   const unsigned long all = (unsigned long)(duration_s * info.state_rate_Hz);
   for (; states < all; ++states) {
-    const palpate_result result = palpate_device_wait(device, 0.1, &state);
-    if (result == PALPATE_TIMEOUT) continue;
+    const palpate_result result = palpate_device_wait(device, 1.0, &state);
     if (result != PALPATE_OK) return fail("wait", device);
     double force_N[3] = {0.0, 0.0, floor_force_N(state.position_m[2], state.velocity_m_s[2])};
     if (palpate_device_set_force(device, force_N) != PALPATE_OK) return fail("force", device);

@@ -31,8 +31,8 @@ typedef struct palpate_device palpate_device;
 
 typedef enum palpate_result {
   PALPATE_OK = 0,
-  PALPATE_BAD_ARGUMENT = 1, /* a null pointer, a force that is not finite, a time below zero */
-  PALPATE_CANNOT_OPEN = 2,  /* no such link, or another program has it */
+  PALPATE_BAD_ARGUMENT = 1, /* a null pointer, a force that is none or beyond 1e6 N, a time below zero */
+  PALPATE_CANNOT_OPEN = 2,  /* no such link, another program has it, or it is too slow */
   PALPATE_NO_BOARD = 3,     /* nothing answers there, or no palpate board does */
   PALPATE_OTHER_SCHEMA = 4, /* a board of other message definitions: flash firmware of this version */
   PALPATE_REFUSED = 5,      /* the board does not do that now; palpate_device_error() says why */
@@ -55,7 +55,7 @@ typedef struct palpate_device_info {
   char firmware[33]; /* its version */
   double tick_rate_Hz;
   double state_rate_Hz;     /* states that the link brings a second */
-  double max_force_N;       /* what is longer is shortened, keeping its direction */
+  double max_force_N;       /* what is longer is shortened, keeping its direction; beyond 100 N it is a fault */
   double max_force_step_N;  /* largest change per servo tick */
   double force_hold_s;      /* as long as a force is held */
 } palpate_device_info;
@@ -71,7 +71,7 @@ typedef struct palpate_device_state {
 } palpate_device_state;
 
 /* Opens the board at an address: "serial:/dev/ttyACM0", "serial:/dev/ttyUSB0,921600", "udp:192.168.1.7:5760".
- * Takes at most three seconds. `*device` is null but for PALPATE_OK. */
+ * Takes some three seconds at most, and what it takes to find a host's name. `*device` is null but for PALPATE_OK. */
 palpate_result palpate_device_open(const char *address, palpate_device **device);
 /* Switches the outputs off if this program has them on, and closes. Null is allowed. */
 void palpate_device_close(palpate_device *device);
@@ -82,25 +82,26 @@ const char *palpate_device_error(const palpate_device *device);
 
 palpate_result palpate_device_get_info(palpate_device *device, palpate_device_info *info);
 
-/* The newest state. Does not wait. */
+/* The newest state. Does not wait for another one. */
 palpate_result palpate_device_get_state(palpate_device *device, palpate_device_state *state);
 /* Waits for a state that no call of this function has returned yet, at most timeout_s: the heartbeat of a haptic
  * loop. PALPATE_TIMEOUT leaves `*state` as it was. One thread. */
 palpate_result palpate_device_wait(palpate_device *device, double timeout_s, palpate_device_state *state);
 
 /* Switches the outputs on, in the board's two steps; the force rises from zero within 0.1 s. PALPATE_REFUSED while a
- * fault is there, the tip is outside of its workspace or too fast. Takes at most a second. */
+ * fault is there, the tip is outside of its workspace or too fast. Takes some milliseconds, three seconds at most. */
 palpate_result palpate_device_enable(palpate_device *device);
-/* Switches the outputs off. Takes at most a second. */
+/* Switches the outputs off. Takes some milliseconds, two seconds at most. */
 palpate_result palpate_device_disable(palpate_device *device);
 /* Makes the present pose the reference pose: arm in its reference pose, at rest, hands off. PALPATE_REFUSED where it
- * moves. Takes at most two seconds. */
+ * moves. Takes 0.2 s, three seconds at most. */
 palpate_result palpate_device_calibrate(palpate_device *device);
-/* From fault to idle, when the cause has gone. Takes at most a second. */
+/* From fault to idle, when the cause has gone. Takes some milliseconds, two seconds at most. */
 palpate_result palpate_device_clear_fault(palpate_device *device);
 
 /* The force from now on, (3,), N. Send it again at least every info.force_hold_s, best after each state. More than one
- * between two states: the last one counts. PALPATE_REFUSED while the outputs are not on for this program. */
+ * between two states: the last one counts. Waits for the driver 20 ms at most. PALPATE_REFUSED while the outputs are not
+ * on for this program: after a fault, or a second without a force, enable them again. */
 palpate_result palpate_device_set_force(palpate_device *device, const double force_N[3]);
 
 #ifdef __cplusplus

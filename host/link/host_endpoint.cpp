@@ -1,5 +1,6 @@
 #include "host/link/host_endpoint.hpp"
 
+#include <chrono>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -66,6 +67,13 @@ std::optional<std::uint64_t> announced_schema_hash(const Incoming& message) {
 }
 
 }  // namespace
+
+std::uint64_t fresh_transfer_id() {
+  constexpr unsigned kBeyondLosses = 17;  // wire::TransferMonitor counts up to 65,536 as lost
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(now).count())
+         << kBeyondLosses;
+}
 
 HostEndpoint::HostEndpoint(const EndpointOptions& options)
     : options_(options), framing_(make_framing(options.framing)), transfers_(framing_->transfer_id_bits()) {

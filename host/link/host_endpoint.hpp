@@ -50,6 +50,10 @@ struct EndpointCounters {
   std::uint64_t schema_mismatches = 0;   // BoardStatus and GetInfo of a board with other message definitions
 };
 
+// For EndpointOptions::first_transfer_id of a program that may start again: by the clock, so far from that of
+// an earlier millisecond that receivers take it for a new beginning, not for transfers that were lost.
+std::uint64_t fresh_transfer_id();
+
 struct EndpointOptions {
   std::uint16_t node = wire::kHostNode;
   std::uint16_t board = wire::kBoardNode;

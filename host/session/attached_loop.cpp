@@ -14,6 +14,7 @@ ClosedLoopConfig for_a_board(ClosedLoopConfig config, const link::Transport& lin
   config.framing = link.framing();
   config.arms_by_itself = false;
   config.session_beside = true;
+  config.first_transfer_id = link::fresh_transfer_id();
   config.trace.form = TraceForm::full;  // what the screen shows
   config.grip_changes.clear();
   config.probe_node.reset();
@@ -46,7 +47,12 @@ void AttachedLoop::start() {
     status.running = true;
     status.links_opened = 1;
   });
-  thread_ = std::thread([this] { run(); });
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (...) {
+    feed_.edit([](LiveStatus& status) { status.running = false; });
+    throw;
+  }
 }
 
 void AttachedLoop::stop() {
@@ -62,17 +68,51 @@ void AttachedLoop::run() {
   std::string error;
   try {
     while (!stop_) run_once();
-    if (armed_) {
-      host_.command(firmware::Action::disarm);
-      poll_until(polled_tick_ + 1);
-    }
   } catch (const std::exception& problem) {
     error = problem.what();
+  }
+  try {
+    leave();
+  } catch (const std::exception& problem) {
+    if (error.empty()) error = problem.what();
   }
   feed_.edit([&error](LiveStatus& status) {
     status.running = false;
     status.error = std::move(error);
   });
+}
+
+void AttachedLoop::leave() {
+  const auto latest = Clock::now() + kLeavePatience;
+  while (armed_ && link_->is_open() && Clock::now() < latest) {
+    (void)link_->write(host_.disarm().bytes);
+    host_.receive(link_->read(kLeaveAgain), clock_.tick(now_s()));
+    const auto& status = host_.board_status();
+    armed_ = !status || status->mode == palpate_BoardStatus_1_0_MODE_RENDER;
+  }
+  link_.reset();  // for whoever opens it next
+}
+
+void AttachedLoop::begin_anew() {
+  host_.begin_anew();
+  armed_ = false;
+  newest_model_ = {};
+  fed_tick_.reset();
+}
+
+// It renders for a host that has gone, or for another one: nobody here has armed it.
+void AttachedLoop::disarm_a_foundling() {
+  const auto& status = host_.board_status();
+  if (armed_ || !status || status->mode != palpate_BoardStatus_1_0_MODE_RENDER) return;
+  if (Clock::now() - disarmed_ < kReopenAfter) return;
+  disarmed_ = Clock::now();
+  (void)link_->write(host_.disarm().bytes);
+}
+
+void AttachedLoop::ask_a_silent_board() {
+  if (heard_at_s_ - last_bytes_s_ < kSilence_s || heard_at_s_ - asked_at_s_ < kAskAgain_s) return;
+  asked_at_s_ = heard_at_s_;
+  (void)link_->write(host_.hello().bytes);
 }
 
 void AttachedLoop::run_once() {
@@ -86,8 +126,11 @@ void AttachedLoop::run_once() {
 
   const std::vector<std::uint8_t> bytes = link_->read(kReadPatience);
   heard_at_s_ = now_s();
+  if (!bytes.empty()) last_bytes_s_ = heard_at_s_;
+  ask_a_silent_board();
   host_.receive(bytes, clock_.tick(heard_at_s_));
   note_models();
+  disarm_a_foundling();
   poll_until(clock_.tick(now_s()));
 
   feed_.look_at(host_, polled_tick_);
@@ -117,18 +160,22 @@ bool AttachedLoop::open_again() {
   bytes_down_ += gone.bytes_sent;
   bytes_up_ += gone.bytes_received;
   ++links_opened_;
-  host_.cancel_arming();  // whoever wanted that wanted it then
+  begin_anew();
   return true;
 }
 
 void AttachedLoop::take(const palpate_ServoTrace_1_0& trace) {
   // It was sent after its last tick; one that was asked for again is older, and says nothing new of the time.
-  clock_.hear(trace.first_tick + static_cast<std::uint32_t>(trace.samples.count), heard_at_s_);
+  if (clock_.hear(trace.first_tick + static_cast<std::uint32_t>(trace.samples.count), heard_at_s_))
+    begin_anew();
   const auto& status = host_.board_status();
   for (std::uint32_t i = 0; i < trace.samples.count; ++i) {
     const palpate_ServoSample_1_0& sample = trace.samples.elements[i];
     LiveTick tick;
     tick.loop.tick = trace.first_tick + i;
+    // What was asked for again is the session's alone: records go forwards.
+    if (fed_tick_ && static_cast<std::int32_t>(tick.loop.tick - *fed_tick_) <= 0) continue;
+    fed_tick_ = tick.loop.tick;
     lockstep::ActuatorFrame& board = tick.loop.board;
     std::copy(std::begin(sample.tip_m), std::end(sample.tip_m), board.tip_m.begin());
     std::copy(std::begin(sample.force_N), std::end(sample.force_N), board.force_N.begin());
@@ -197,6 +244,7 @@ void AttachedLoop::write(const link::OutgoingFrame& frame) {
 }
 
 void AttachedLoop::post(std::function<void()> control) {
+  if (!feed_.status().running) return;
   const std::lock_guard lock(mutex_);
   controls_.push_back(std::move(control));
 }

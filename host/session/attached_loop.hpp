@@ -34,8 +34,9 @@ struct AttachedSetup {
   ClosedLoopConfig loop{};         // what is the plant's and the medium's has no effect; traces are full ones
 };
 
-// A link that goes is opened again as soon as it is there; a board that has started again is served as a new
-// one, and waits to be armed.
+// A board that renders though this loop has not armed it, for a host that has gone, is disarmed. A link that
+// goes is opened again as soon as it is there; a board that has started again is served as a new one, and
+// waits to be armed.
 class AttachedLoop {
  public:
   // Opens the link. Throws TransportError, and what LoopHost throws.
@@ -47,7 +48,8 @@ class AttachedLoop {
 
   // Once.
   void start();
-  // Disarms the board, if this loop has armed it, and ends the thread; any number of times.
+  // Disarms the board, if this loop has armed it: repeated until it says so, for half a second at most.
+  // Closes the link and ends the thread; any number of times.
   void stop();
 
   // Controls, from any thread.
@@ -65,10 +67,17 @@ class AttachedLoop {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kReadPatience{1};   // commands wait no longer
   static constexpr std::chrono::milliseconds kReopenAfter{250};  // a plug that is being put in
-  static constexpr std::uint32_t kMostTicksAtOnce = 100;         // after a pause of the computer
+  static constexpr double kSilence_s = 0.5, kAskAgain_s = 0.25;  // five statuses of a board
+  static constexpr std::chrono::milliseconds kLeavePatience{500}, kLeaveAgain{50};
+  static constexpr std::uint32_t kMostTicksAtOnce = 100;  // after a pause of the computer
 
   void run();
   void run_once();
+  void leave();
+  void begin_anew();
+  void disarm_a_foundling();
+  // Over UDP a board answers whom it has heard.
+  void ask_a_silent_board();
   void post(std::function<void()> control);
   // False: it is not there.
   bool open_again();
@@ -89,7 +98,9 @@ class AttachedLoop {
   std::unique_ptr<link::Transport> link_;
   LoopHost host_;
   BoardClock clock_;
-  Clock::time_point began_ = Clock::now(), tried_{};
+  Clock::time_point began_ = Clock::now(), tried_{}, disarmed_{};
+  std::optional<std::uint32_t> fed_tick_;  // newest in the feed
+  double last_bytes_s_ = -1.0, asked_at_s_ = -1.0;
   double heard_at_s_ = 0.0;  // the bytes that are being taken
   std::uint32_t polled_tick_ = 0;
   double backlog_bytes_ = 0.0, backlog_at_s_ = 0.0;  // in the driver, by the link's rate

@@ -12,8 +12,11 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <variant>
 #include <vector>
 
+#include "host/link/host_endpoint.hpp"
+#include "host/session/arming.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
 #include "host/session/virtual_device.hpp"
@@ -154,6 +157,64 @@ TEST(AttachedLoop, GoesOnWithABoardThatHasStartedAgain) {
   loop.stop();
   EXPECT_EQ(loop.feed().status().error, "");
   std::filesystem::remove(place);
+}
+
+// It renders for a host that was killed: the next one does not go on with what it has not begun.
+TEST(AttachedLoop, DisarmsABoardThatItHasNotArmed) {
+  const auto device = make_device("pty:");
+  {
+    const auto link = link::open_transport(device->address());
+    link::HostEndpoint endpoint({.first_transfer_id = link::fresh_transfer_id()});
+    Arming arming;
+    const auto latest = std::chrono::steady_clock::now() + kHangs;
+    for (std::uint32_t tick = 0; !device->state().outputs_on && std::chrono::steady_clock::now() < latest;
+         ++tick) {
+      for (const link::Incoming& incoming : endpoint.receive(link->read(1ms), tick)) {
+        if (const auto* status = std::get_if<palpate_BoardStatus_1_0>(&incoming)) arming.take(*status);
+        if (const auto* answer = std::get_if<link::CommandResponse>(&incoming)) arming.take(answer->message);
+      }
+      if (const auto request = arming.poll(tick)) link->write(endpoint.encode(*request).bytes);
+    }
+  }
+  ASSERT_TRUE(device->state().outputs_on);
+  AttachedLoop loop(setup(device->address()));
+  loop.start();
+  ASSERT_TRUE(until_mode(loop, palpate_BoardStatus_1_0_MODE_IDLE));
+  EXPECT_FALSE(device->state().outputs_on);
+}
+
+// Over UDP nobody sees that the board has started again but by its ticks.
+TEST(AttachedLoop, GoesOnWhereOnlyTheTicksSayThatTheBoardHasStartedAgain) {
+  auto device = make_device("udp-listen:127.0.0.1:0");
+  const std::string server = device->address();
+  AttachedSetup with_delay = setup("udp" + server.substr(std::string("udp-listen").size()));
+  with_delay.loop.host_delay_ticks = 20;  // a model is under way
+  AttachedLoop loop(std::move(with_delay));
+  loop.start();
+  ASSERT_TRUE(until_mode(loop, palpate_BoardStatus_1_0_MODE_IDLE));
+  loop.arm();
+  ASSERT_TRUE(until_mode(loop, palpate_BoardStatus_1_0_MODE_RENDER));
+  ASSERT_TRUE(
+      until(loop, [](const LiveStatus& status, const auto&) { return status.tick > 2 * kOldest_ticks; }));
+  device.reset();
+  const std::uint32_t sent = loop.feed().status().counters.models_sent;
+  device = make_device(server);
+  ASSERT_TRUE(until(loop, [](const LiveStatus& status, const auto&) {
+    return status.board && status.board->tick < kOldest_ticks && status.tick < kOldest_ticks;
+  }));
+  EXPECT_FALSE(device->state().outputs_on);
+  // Models are made again, and news of them comes.
+  (void)loop.feed().take_updates();
+  ASSERT_TRUE(until(loop, [sent](const LiveStatus& status, const auto&) {
+    return status.counters.models_sent > sent + 3;
+  }));
+  std::vector<UpdateRecord> updates;
+  ASSERT_TRUE(until(loop, [&](const auto&, const auto&) {
+    for (const UpdateRecord& update : loop.feed().take_updates()) updates.push_back(update);
+    return std::any_of(updates.begin(), updates.end(), [](const UpdateRecord& update) {
+      return update.status == static_cast<std::uint8_t>(Status::ok) && update.tick < 2 * kOldest_ticks;
+    });
+  }));
 }
 
 TEST(AttachedLoop, SaysWhyItCannotOpen) {

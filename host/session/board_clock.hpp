@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <optional>
+#include <utility>
 
 namespace palpate::host {
 
@@ -16,8 +16,9 @@ class BoardClock {
   // A board that is this far from where it should be has started again.
   static constexpr double kRestart_ticks = 2000.0;
 
-  // The board has said something of this tick; `now_s` is the host's clock.
-  void hear(std::uint32_t tick, double now_s) {
+  // The board has said something of this tick; `now_s` is the host's clock. True: it has started again since
+  // it was heard last.
+  bool hear(std::uint32_t tick, double now_s) {
     const double heard = known_ ? unwrapped(tick) : static_cast<double>(tick);
     const double offset = heard - now_s * kTicks_1_s;
     const double expected = offset_ - kDrift * kTicks_1_s * (now_s - heard_s_);
@@ -25,7 +26,7 @@ class BoardClock {
     offset_ = again ? offset : std::max(offset, expected);
     newest_ = again ? heard : std::max(newest_, heard);
     heard_s_ = now_s;
-    known_ = true;
+    return std::exchange(known_, true) && again;
   }
 
   [[nodiscard]] bool is_known() const { return known_; }

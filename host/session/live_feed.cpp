@@ -46,7 +46,9 @@ void LiveFeed::take_over_updates(LoopHost& host, std::uint32_t tick) {
   const std::vector<UpdateRecord>& all = host.updates();
   for (; updates_given_ < all.size(); ++updates_given_) {
     const UpdateRecord& update = all[updates_given_];
-    if (update.status == UpdateRecord::kNeverHeard && tick < update.sent_tick + kUpdateSettles_ticks) return;
+    // Of a board that has started again it is older than its ticks can say: settled, too.
+    const std::uint32_t age_ticks = tick - update.sent_tick;
+    if (update.status == UpdateRecord::kNeverHeard && age_ticks < kUpdateSettles_ticks) return;
     updates_.push_back(update);
     if (updates_.size() > kMostUpdates) updates_.pop_front();
   }

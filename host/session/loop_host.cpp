@@ -19,7 +19,7 @@ constexpr std::size_t kMostActions = 16;
 
 LoopHost::LoopHost(const Body& body, const BodyState& start, const ClosedLoopConfig& config)
     : config_(config),
-      endpoint_({.framing = config.framing}),
+      endpoint_({.first_transfer_id = config.first_transfer_id, .framing = config.framing}),
       arming_(config.arms_by_itself),
       traces_(config.trace),
       session_(body, start, config.session) {
@@ -32,6 +32,27 @@ LoopHost::LoopHost(const Body& body, const BodyState& start, const ClosedLoopCon
 void LoopHost::receive(const std::vector<std::uint8_t>& bytes, std::uint32_t tick) {
   for (const link::Incoming& incoming : endpoint_.receive(bytes, tick))
     std::visit([this](const auto& message) { take(message); }, incoming);
+}
+
+void LoopHost::begin_anew() {
+  arming_.cancel();
+  std::erase_if(actions_, [](firmware::Action action) {
+    return action != firmware::Action::stop && action != firmware::Action::disarm;
+  });
+  computing_.clear();
+  held_back_.reset();
+  bases_ = {};
+  board_status_.reset();
+}
+
+link::OutgoingFrame LoopHost::hello() {
+  return endpoint_.encode(palpate_GetInfo_Request_1_0{});
+}
+
+link::OutgoingFrame LoopHost::disarm() {
+  palpate_Command_Request_1_0 request{};
+  request.action = palpate_Command_Request_1_0_DISARM;
+  return endpoint_.encode(request);
 }
 
 void LoopHost::command(firmware::Action action) {
@@ -75,7 +96,7 @@ std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t 
     send_state(*held_back_, tick, frames);
     held_back_.reset();
   }
-  while (!computing_.empty() && computing_.front().first <= tick) {
+  while (!computing_.empty() && static_cast<std::int32_t>(tick - computing_.front().first) >= 0) {
     send(std::move(computing_.front().second), tick, frames);
     computing_.pop_front();
   }

@@ -50,6 +50,12 @@ class LoopHost {
   void arm() { arming_.begin(); }
   void cancel_arming() { arming_.cancel(); }
   void command(firmware::Action action);
+  // Of a board that has started again, or whose link was gone: what is under way for the one before is
+  // forgotten, and so is what a person asked for, but for what switches off.
+  void begin_anew();
+  // Frames to be handed to the link at once. hello: a question that any board answers.
+  link::OutgoingFrame hello();
+  link::OutgoingFrame disarm();
   // For models that are begun from now on.
   void set_delay(std::uint32_t ticks) { config_.host_delay_ticks = ticks; }
 

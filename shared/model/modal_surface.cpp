@@ -125,7 +125,8 @@ void ModalSurface::quantize(const float* __restrict q) {
   float largest = 0.0f;
   for (std::size_t m = 0; m < modes; ++m) {
     const float magnitude = std::fabs(scale[m] * q[m]);
-    if (magnitude > largest) largest = magnitude;
+    // What is no number stays: nothing compares greater than it.
+    if (magnitude > largest || std::isnan(magnitude)) largest = magnitude;
   }
   constexpr float kLargestEntry = 32767.0f, kSmallestStep = 1e-30f;
   quantum_ = largest * (1.0f / kLargestEntry);

@@ -115,13 +115,13 @@ void bind_endpoint(nb::module_& module) {
   nb::class_<HostEndpoint>(module, "HostEndpoint")
       .def(
           "__init__",
-          [](HostEndpoint* self, std::uint64_t first_transfer_id, const Transport& link) {
+          [](HostEndpoint* self, const Transport& link) {
             link::EndpointOptions options;
-            options.first_transfer_id = first_transfer_id;
+            options.first_transfer_id = link::fresh_transfer_id();
             options.framing = link.framing();
             new (self) HostEndpoint(options);
           },
-          "first_transfer_id"_a, "link"_a)
+          "link"_a)
       .def(
           "command",
           [](HostEndpoint& e, std::uint8_t action, std::uint32_t token) {

@@ -75,9 +75,9 @@ class BoardLink:
             self._link = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
         except RuntimeError as error:
             raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
-        # Other numbers than those of a run a second ago: the board takes equal ones for copies.
-        self._endpoint = _core.HostEndpoint(int(time.time() * 1000), self._link)
+        self._endpoint = _core.HostEndpoint(self._link)
         self.name = link
+        self._link.write(self._endpoint.get_info()[0])  # over UDP a board answers whom it has heard
 
     def __enter__(self) -> Self:
         return self

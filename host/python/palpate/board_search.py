@@ -43,10 +43,12 @@ def _may_be_a_board(port: Any) -> bool:
     return _PRODUCT in (port.product or "").lower() or (port.vid == vendor and port.pid in products)
 
 
-def find_boards(patience_s: float = _PATIENCE_S) -> list[FoundBoard]:
-    """Those that answer within patience_s each, and have this host's message definitions."""
+def find_boards(patience_s: float = _PATIENCE_S, but: str | None = None) -> list[FoundBoard]:
+    """Those that answer within patience_s each, and have this host's message definitions. `but`: an address that is in use."""
     found = []
     for address in addresses():
+        if address == but:
+            continue
         try:
             with BoardLink(address, timeout_s=patience_s) as board:
                 found.append(FoundBoard(address, board.info()))

@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -493,9 +494,12 @@ def _reduce(arguments: argparse.Namespace) -> int:
 
 def _attached_board() -> str:
     """The address of the first that answers, else the native board's name."""
-    from palpate.board_search import find_boards
+    from palpate.board_search import VARIABLE, find_boards
 
     found = find_boards()
+    named = os.environ.get(VARIABLE)
+    if named and all(board.address != named for board in found):
+        raise SceneError(f"{VARIABLE} = {named}: no board of this version answers there; palpate doctor says more")
     if not found:
         return "native"
     print(f"board {found[0].info.board} at {found[0].address}", file=sys.stderr)

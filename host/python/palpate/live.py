@@ -271,6 +271,9 @@ class Live:
         while not self._ended.wait(_SIGN_S):
             self._wind(self._loop.status["tick"])
 
+    def _lost_frames(self) -> int:
+        return sum(self.status.get(name, 0) for name in ("frames_lost_down", "frames_lost_up"))
+
     def _normals(self, block: Mapping[str, NDArray[Any]]) -> Floats:
         """(ticks, 3): outward, zero when free. A trace does not have them: of an attached board they are those of the triangles of
         the body as it was seen last."""
@@ -315,7 +318,7 @@ class Live:
             "link_up_bytes": block["ticks/link_up_bytes"],
             "link_down_bytes": block["ticks/link_down_bytes"],
             # Of both directions since the start, as it was known when these ticks were taken over.
-            "frames_lost": np.full(len(mode), float(self.status["frames_lost_down"] + self.status["frames_lost_up"])),
+            "frames_lost": np.full(len(mode), float(self._lost_frames())),
             "absorbed_J": absorbed_J,
             "late_s": block["wall/late_s"],
             "took_s": block["wall/took_s"],

@@ -239,9 +239,14 @@ class App:
         self.use_mouse(False)
 
     def _restart(self, settings: Settings, path: TipPath | None = None) -> bool:
-        """The loop that runs goes on, and nothing else changes, where the new one cannot be made: False then."""
+        """The loop that runs goes on, and nothing else changes, where the new one cannot be made: False then. But that beside an
+        attached board ends first where the new one is for the same board, which serves one host."""
         stack = ExitStack()
         try:
+            if self.live.is_attached and self.live.board_name == settings.board:
+                Live(settings.scene(), settings.board, path)  # is the scene good? Nothing is opened yet
+                self.stop_recording()
+                self._stack.close()
             live, body = self._start(stack, settings, path)
         except (BoardError, OSError, ValueError) as error:
             self.message = str(error)

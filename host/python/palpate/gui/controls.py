@@ -1,5 +1,6 @@
 """The panel of controls: scene, material, rates, board, faults, recording, view."""
 
+import threading
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -149,8 +150,14 @@ class Controls:
             app.later(partial(app.live.set_speed, self._speed))
 
     def _look_for_boards(self, app: "App") -> None:
-        self._attached = [found.address for found in find_boards()]
-        app.message = "" if self._attached else "No board has answered."
+        """Beside the drawing: each port takes up to a second."""
+
+        def look() -> None:
+            self._attached = [found.address for found in find_boards(but=app.settings.board)]
+            app.message = "" if self._attached else "No other board has answered."
+
+        app.message = "Looking for boards..."
+        threading.Thread(target=look, name="board search", daemon=True).start()
 
     def _hand(self, app: "App") -> None:
         if app.live.is_attached:
