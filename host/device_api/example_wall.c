@@ -8,7 +8,7 @@
 
 #include "palpate_device.h"
 
-#define FLOOR_M (-0.005)          /* below the middle of the workspace */
+#define FLOOR_M (-0.005) /* below the middle of the workspace */
 #define STIFFNESS_N_M 600.0
 #define DAMPING_N_S_M 1.0
 
@@ -19,24 +19,24 @@ static double floor_force_N(double z_m, double velocity_m_s) {
   return depth_m > 0.0 && force_N > 0.0 ? force_N : 0.0;
 }
 
-static int fail(const char *what, palpate_device *device) {
+static int fail(const char* what, palpate_device* device) {
   fprintf(stderr, "%s: %s\n", what, palpate_device_error(device));
   palpate_device_close(device);
   return 1;
 }
 
-int main(int argc, char **argv) {
+int main(int argc, char** argv) {
   if (argc < 2 || argc > 3) {
     fprintf(stderr, "usage: example_wall ADDRESS [SECONDS]\n");
     return 2;
   }
-  char *end = "";
+  char* end = "";
   const double duration_s = argc == 3 ? strtod(argv[2], &end) : 30.0;
   if (*end != '\0' || !(duration_s > 0.0 && duration_s < 1e6)) {
     fprintf(stderr, "SECONDS is %s: must be a number from 0 to 1e6\n", argv[2]);
     return 2;
   }
-  palpate_device *device = NULL;
+  palpate_device* device = NULL;
   if (palpate_device_open(argv[1], &device) != PALPATE_OK) return fail("open", NULL);
   palpate_device_info info;
   palpate_device_get_info(device, &info);

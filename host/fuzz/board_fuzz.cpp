@@ -131,7 +131,8 @@ class Run {
                                          wire::MessageTraits<palpate_ModelState_1_0>::kSpecifier,
                                          wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier,
                                          wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier,
-                                         wire::MessageTraits<palpate_GetInfo_Request_1_0>::kSpecifier};
+                                         wire::MessageTraits<palpate_GetInfo_Request_1_0>::kSpecifier,
+                                         wire::MessageTraits<palpate_DirectForce_1_0>::kSpecifier};
         send(fuzz::next_piece(input_, wire::kHostNode, wire::kBoardNode, kSpecifiers, transfer_id_));
         ticks(1);
         return;
@@ -202,8 +203,8 @@ class Run {
       require(std::fabs(setpoint_A) <= limits.motor_current_A[i], "set-points are within their limits");
       require(board_->enabled || setpoint_A == 0.0f, "set-points are zero while outputs are off");
     }
-    require(board_->enabled == (board_->report.mode == static_cast<std::uint32_t>(firmware::Mode::render)),
-            "outputs are on in the mode RENDER and in no other");
+    require(board_->enabled == firmware::outputs_on(static_cast<firmware::Mode>(board_->report.mode)),
+            "outputs are on in the modes RENDER and DIRECT and in no other");
     witness_->outputs_are(board_->enabled);
   }
 

@@ -36,8 +36,9 @@ void decode(std::span<const std::uint8_t> payload) {
 using Messages =
     std::tuple<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0, palpate_ModelReport_1_0,
                palpate_BasisReport_1_0, palpate_ModelState_1_0, palpate_ModelPart_1_0,
-               palpate_TraceRequest_1_0, palpate_Command_Request_1_0, palpate_Command_Response_1_0,
-               palpate_GetInfo_Request_1_0, palpate_GetInfo_Response_1_0>;
+               palpate_DirectForce_1_0, palpate_DeviceState_1_0, palpate_TraceRequest_1_0,
+               palpate_Command_Request_1_0, palpate_Command_Response_1_0, palpate_GetInfo_Request_1_0,
+               palpate_GetInfo_Response_1_0>;
 
 template <std::size_t... I>
 void decode_as(std::size_t which, std::span<const std::uint8_t> payload, std::index_sequence<I...>) {
