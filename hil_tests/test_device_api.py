@@ -117,7 +117,7 @@ def test_only_the_interface_is_exported():
     ).stdout  # fmt: skip
     names = {line.split()[0] for line in symbols.splitlines()}
     header = (REPOSITORY / "host/device_api/palpate_device.h").read_text()
-    declared = set(re.findall(r"^(?:palpate_result|void|const char \*)\s*(palpate_device_\w+)\(", header, re.MULTILINE))
+    declared = set(re.findall(r"^(?:palpate_result|void|const char ?\*)\s*(palpate_device_\w+)\(", header, re.MULTILINE))
     assert names == declared and len(declared) == 11
 
 
