@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "boards/lockstep/emulated_board.hpp"
+#include "boards/lockstep/unique_id.hpp"
 #include "boards/mps2/console.hpp"
 #include "boards/mps2/platform.hpp"
 #include "boards/mps2/registers.hpp"
@@ -17,7 +18,10 @@ using palpate::board::print_hex;
 using Board = palpate::board::EmulatedBoard<palpate::board::Mps2Platform>;
 using App = palpate::firmware::App<Board>;
 
-constexpr palpate::firmware::BoardIdentity kIdentity{palpate::board::kBoardName, PALPATE_VERSION};
+constexpr palpate::firmware::BoardIdentity kIdentity{
+    palpate::board::kBoardName, PALPATE_VERSION,
+    palpate::board::emulated_unique_id(palpate::board::kBoardName)};
+static_assert(palpate::wire::is_node_name(kIdentity.board));
 
 [[gnu::section(".exchange")]] palpate::board::ExchangeFrames exchange_frames;
 

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "boards/lockstep/emulated_board.hpp"
+#include "boards/lockstep/unique_id.hpp"
 #include "boards/native/platform.hpp"
 #include "firmware/app/app.hpp"
 
@@ -16,7 +17,9 @@ using Board = palpate::board::EmulatedBoard<NativePlatform>;
 using App = palpate::firmware::App<Board>;
 using palpate::lockstep::ExitCode;
 
-constexpr palpate::firmware::BoardIdentity kIdentity{"native", PALPATE_VERSION};
+constexpr palpate::firmware::BoardIdentity kIdentity{"native", PALPATE_VERSION,
+                                                     palpate::board::emulated_unique_id("native")};
+static_assert(palpate::wire::is_node_name(kIdentity.board));
 constexpr const char* kUsage =
     "usage: palpate_native --lockstep ACTUATORS SENSORS   in lock-step with a plant over two files (FIFOs)\n"
     "       palpate_native --pty                          in real time, without a plant; prints the link's "

@@ -43,7 +43,7 @@ class AppTest : public ::testing::Test {
 
   std::unique_ptr<MemoryBoard> board_ = std::make_unique<MemoryBoard>();
   std::unique_ptr<App<MemoryBoard>> app_ =
-      std::make_unique<App<MemoryBoard>>(*board_, BoardIdentity{"memory", "0"}, kCatchUpCortexM4);
+      std::make_unique<App<MemoryBoard>>(*board_, BoardIdentity{"memory", "0", {1}}, kCatchUpCortexM4);
   HostPeer host_{board_->buffers};
 };
 
@@ -134,7 +134,8 @@ TEST_F(AppTest, ReportsWhatItRenders) {
 TEST_F(AppTest, IsRepeatable) {
   const auto run = [] {
     auto board = std::make_unique<MemoryBoard>();
-    auto app = std::make_unique<App<MemoryBoard>>(*board, BoardIdentity{"memory", "0"}, kCatchUpCortexM4);
+    auto app =
+        std::make_unique<App<MemoryBoard>>(*board, BoardIdentity{"memory", "0", {1}}, kCatchUpCortexM4);
     HostPeer host(board->buffers);
     std::vector<std::uint8_t> bytes;
     for (int i = 0; i < 300; ++i) {
@@ -156,7 +157,7 @@ TEST_F(AppTest, IsRepeatable) {
 // driver and the host are on the interrupt's side. ThreadSanitizer watches (preset host-tsan).
 TEST(AppThreads, InterruptAndBackgroundShareNothingUnguarded) {
   auto board = std::make_unique<MemoryBoard>();
-  auto app = std::make_unique<App<MemoryBoard>>(*board, BoardIdentity{"memory", "0"}, kCatchUpCortexM4);
+  auto app = std::make_unique<App<MemoryBoard>>(*board, BoardIdentity{"memory", "0", {1}}, kCatchUpCortexM4);
   constexpr std::uint32_t kTicks = 3000;
   std::atomic<bool> done{false};
 

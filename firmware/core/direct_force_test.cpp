@@ -181,7 +181,7 @@ class DirectDevice : public ::testing::Test {
   std::unique_ptr<Renderer> renderer_ = std::make_unique<Renderer>(wire::kSchemaHash, kCatchUpCortexM4);
   std::unique_ptr<Servo> servo_ = std::make_unique<Servo>(kDevice, limits_, 1u, *renderer_, mailbox_);
   std::unique_ptr<Endpoint> endpoint_ = std::make_unique<Endpoint>(
-      *renderer_, *servo_, limits_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3"}, 25'000'000);
+      *renderer_, *servo_, limits_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3", {1}}, 25'000'000);
   test::HostPeer host_{*link_};
   ServoTiming timing_{};
   ServoSensors sensors_{};

@@ -1,6 +1,8 @@
 #include "firmware/link/endpoint.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <limits>
 
 namespace palpate::firmware {
 namespace {
@@ -26,6 +28,19 @@ palpate_ServoSample_1_0 to_message(const ServoSample& sample) {
   return message;
 }
 
+// A board that has stopped itself cannot do what it is for; one that was stopped could. (One that is armed
+// or idle is well.)
+wire::NodeHealth health_of(FaultSet faults) {
+  constexpr FaultSet kStoppedByHand = bit(Fault::emergency_stop) | bit(Fault::stop_command);
+  if (faults == 0) return wire::NodeHealth::nominal;
+  return (faults & ~kStoppedByHand) == 0 ? wire::NodeHealth::caution : wire::NodeHealth::warning;
+}
+
+wire::NodeMode node_mode_of(Mode mode) {
+  if (mode == Mode::boot) return wire::NodeMode::initialization;
+  return mode == Mode::calibrate ? wire::NodeMode::maintenance : wire::NodeMode::operational;
+}
+
 }  // namespace
 
 void Endpoint::run() {
@@ -35,6 +50,7 @@ void Endpoint::run() {
   send_model_reports();
   send_replies();
   send_status();
+  send_heartbeat();
   send_traces();
   resend_traces();
 }
@@ -63,6 +79,7 @@ void Endpoint::receive() {
 void Endpoint::dispatch(const wire::Frame& frame) {
   const wire::FrameHeader& header = frame.header;
   if (!wire::addressed_to(header, wire::kBoardNode)) return;  // for another node: none of ours
+  if (wire::is_standard_message(header.specifier)) return;    // heartbeats of others, and the like
   if (transfers_.observe(header, servo_.next_tick()) == wire::TransferKind::repeat) return;
   Status status = Status::port_unknown;
   switch (header.specifier) {
@@ -87,6 +104,9 @@ void Endpoint::dispatch(const wire::Frame& frame) {
       break;
     case wire::MessageTraits<palpate_GetInfo_Request_1_0>::kSpecifier:
       status = send_info(frame);
+      break;
+    case wire::request_specifier(wire::kNodeInfoService):
+      status = send_node_info(frame);
       break;
     default:
       break;
@@ -120,6 +140,16 @@ Status Endpoint::send_info(const wire::Frame& frame) {
   info.direct_force_step_N = limits_.direct_force_step_N;
   info.direct_hold_ticks = static_cast<std::uint16_t>(limits_.direct_hold_ticks);
   (void)send(info, response<palpate_GetInfo_Response_1_0>({frame.header.source, frame.header.transfer_id}));
+  return Status::ok;
+}
+
+Status Endpoint::send_node_info(const wire::Frame& frame) {
+  // What runs in an emulator or as a process is software only.
+  const wire::NodeInfo info{.hardware = {},
+                            .software = wire::node_version(identity_.firmware),
+                            .unique_id = identity_.unique_id,
+                            .board = identity_.board};
+  (void)send(info, response<wire::NodeInfo>({frame.header.source, frame.header.transfer_id}));
   return Status::ok;
 }
 
@@ -211,6 +241,8 @@ void Endpoint::send_replies() {
 void Endpoint::send_status() {
   StatusSnapshot snapshot;
   while (mailbox_.status.pop(snapshot)) {
+    mode_ = snapshot.mode;
+    faults_ = snapshot.faults;
     const wire::ReceiverCounters& received = framing_.counters();
     palpate_BoardStatus_1_0 message{};
     message.sequence = status_sequence_++;
@@ -233,6 +265,20 @@ void Endpoint::send_status() {
     message.trace_ticks = trace_ticks_;
     (void)send(message, publication<palpate_BoardStatus_1_0>(status_transfers_));
   }
+}
+
+void Endpoint::send_heartbeat() {
+  constexpr std::uint32_t kPeriod_ticks = wire::kHeartbeatPeriod_s * kServoRate_Hz;
+  const std::uint32_t due_tick = static_cast<std::uint32_t>(heartbeat_transfers_) * kPeriod_ticks;
+  if (static_cast<std::int32_t>(servo_.next_tick() - due_tick) < 0) return;
+  constexpr std::uint64_t kLongest_s = std::numeric_limits<std::uint32_t>::max();
+  const wire::Heartbeat message{
+      .uptime_s = static_cast<std::uint32_t>(std::min(heartbeat_transfers_, kLongest_s)),
+      .health = health_of(faults_),
+      .mode = node_mode_of(mode_),
+      // The number of the first fault, from 1.
+      .vendor_status = static_cast<std::uint8_t>(faults_ == 0 ? 0 : std::countr_zero(faults_) + 1)};
+  (void)send(message, publication<wire::Heartbeat>(heartbeat_transfers_));
 }
 
 std::uint32_t Endpoint::send_trace(std::uint32_t first_tick, std::uint32_t count) {

@@ -13,6 +13,7 @@
 #include "firmware/link/framing.hpp"
 #include "firmware/ports/ports.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/node.hpp"
 #include "shared/wire/tip_trace.hpp"
 #include "shared/wire/transfer_monitor.hpp"
 
@@ -60,6 +61,7 @@ class Endpoint {
   void dispatch(const wire::Frame& frame);
   Status take_command(const wire::Frame& frame);
   Status send_info(const wire::Frame& frame);
+  Status send_node_info(const wire::Frame& frame);
   Status take_trace_request(const wire::Frame& frame);
   Status take_direct_force(const wire::Frame& frame);
   void note(const ModelReport& report);
@@ -67,6 +69,7 @@ class Endpoint {
   void send_model_reports();
   void send_replies();
   void send_status();
+  void send_heartbeat();
   void send_traces();
   void send_device_state();
   void resend_traces();
@@ -101,6 +104,7 @@ class Endpoint {
 
   std::uint64_t trace_transfers_ = 0, tip_transfers_ = 0, device_transfers_ = 0;
   std::uint64_t status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
+  std::uint64_t heartbeat_transfers_ = 0;  // one a second: the uptime
   std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
   std::uint32_t next_trace_tick_ = 0;
   // As the host asked for it last (palpate.TraceRequest).
@@ -112,6 +116,9 @@ class Endpoint {
   };
   std::array<TickRange, kPendingTraceRequests> requests_{};
   std::size_t request_count_ = 0;
+  // Of the newest status.
+  Mode mode_ = Mode::boot;
+  FaultSet faults_ = 0;
   // Of a board as a plain device.
   std::uint16_t direct_node_ = wire::kBroadcast;  // who armed it last; none
   std::uint32_t next_device_tick_ = 0;

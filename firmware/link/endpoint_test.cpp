@@ -62,6 +62,17 @@ class EndpointTest : public ::testing::Test {
     return HostPeer::frame(port_specifier, transfer_id, HostPeer::payload(request));
   }
 
+  // Those received so far; forgets them.
+  std::vector<HostPeer::Received> heartbeats() {
+    std::vector<HostPeer::Received> heard;
+    std::erase_if(host_.received, [&](const auto& one) {
+      if (one.header.specifier != wire::kHeartbeatSubject) return false;
+      heard.push_back(one);
+      return true;
+    });
+    return heard;
+  }
+
   static constexpr std::uint32_t kClock_Hz = 25'000'000;
   const Limits limits_{};
   Mailbox mailbox_{};
@@ -70,7 +81,7 @@ class EndpointTest : public ::testing::Test {
   std::unique_ptr<Servo> servo_ =
       std::make_unique<Servo>(device::kPremium15, limits_, 1u, *renderer_, mailbox_);
   std::unique_ptr<Endpoint> endpoint_ = std::make_unique<Endpoint>(
-      *renderer_, *servo_, limits_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3"}, kClock_Hz);
+      *renderer_, *servo_, limits_, mailbox_, *link_, BoardIdentity{"memory", "1.2.3", {1}}, kClock_Hz);
   HostPeer host_{*link_};
   ServoTiming timing_{};
   ServoSensors sensors_{};
@@ -361,6 +372,79 @@ TEST_F(EndpointTest, UnknownPortsAndShortPayloadsAreRefused) {
   ticks(2);
   EXPECT_EQ(endpoint_->counters().last_status, Status::payload_malformed);
   EXPECT_EQ(endpoint_->counters().frames_refused, 2u);
+}
+
+// What a node says of itself, by its bytes (shared/wire/node_test.cpp has the layouts).
+TEST_F(EndpointTest, AHeartbeatComesOnceASecondFromTheFirstTickOn) {
+  ticks(1);
+  auto heard = heartbeats();
+  ASSERT_EQ(heard.size(), 1u);
+  EXPECT_EQ(heard[0].payload[0], 0);
+  EXPECT_EQ(heard[0].payload[5], static_cast<std::uint8_t>(wire::NodeMode::initialization));
+  ticks(998);
+  EXPECT_TRUE(heartbeats().empty());
+  ticks(2001);
+  heard = heartbeats();
+  ASSERT_EQ(heard.size(), 3u);
+  for (std::uint8_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(heard[i].header.transfer_id, i + 1u);
+    EXPECT_EQ(heard[i].header.destination, wire::kBroadcast);
+    EXPECT_EQ(heard[i].payload,
+              (std::vector<std::uint8_t>{static_cast<std::uint8_t>(i + 1), 0, 0, 0, 0, 0, 0}));
+  }
+}
+
+TEST_F(EndpointTest, AHeartbeatTellsOfFaults) {
+  ticks(limits_.boot_ticks);
+  command(palpate_Command_Request_1_0_STOP);
+  ticks(1000);
+  auto heard = heartbeats();
+  EXPECT_EQ(heard.back().payload[4], static_cast<std::uint8_t>(wire::NodeHealth::caution));
+  EXPECT_EQ(heard.back().payload[6], 2);  // stop_command is bit 1
+  sensors_.count[0] = 100'000;            // no hand does that in a tick
+  ticks(1000);
+  heard = heartbeats();
+  EXPECT_EQ(heard.back().payload[4], static_cast<std::uint8_t>(wire::NodeHealth::warning));
+  EXPECT_EQ(heard.back().payload[6], 2);  // the first of them
+  command(palpate_Command_Request_1_0_CLEAR_FAULT);
+  ticks(1000);
+  heard = heartbeats();
+  EXPECT_EQ(heard.back().payload[4], static_cast<std::uint8_t>(wire::NodeHealth::nominal));
+  EXPECT_EQ(heard.back().payload[6], 0);
+}
+
+TEST_F(EndpointTest, AHeartbeatTellsOfCalibration) {
+  ticks(950);
+  command(palpate_Command_Request_1_0_CALIBRATE);  // 100 ticks of rest
+  ticks(60);
+  EXPECT_EQ(heartbeats().back().payload[5], static_cast<std::uint8_t>(wire::NodeMode::maintenance));
+}
+
+TEST_F(EndpointTest, TellsANodeWhoItIs) {
+  host_.transfer_id = 77;
+  host_.send_bytes(HostPeer::frame(wire::request_specifier(wire::kNodeInfoService), 77, {}));
+  ticks(1);
+  const auto response = std::find_if(host_.received.begin(), host_.received.end(), [](const auto& one) {
+    return one.header.specifier == wire::response_specifier(wire::kNodeInfoService);
+  });
+  ASSERT_NE(response, host_.received.end());
+  EXPECT_EQ(response->header.destination, wire::kHostNode);
+  EXPECT_EQ(response->header.transfer_id, 77u);
+  std::vector<std::uint8_t> expected(wire::MessageTraits<wire::NodeInfo>::kMaxBytes);
+  std::size_t length = 0;
+  ASSERT_EQ(wire::serialize(wire::NodeInfo{{}, {1, 2}, {1}, "memory"}, expected, length), Status::ok);
+  expected.resize(length);
+  EXPECT_EQ(response->payload, expected);
+  EXPECT_EQ(endpoint_->counters().frames_refused, 0u);
+}
+
+TEST_F(EndpointTest, HeartbeatsOfOthersAreNoFaultAndMayBeLost) {
+  for (const std::uint64_t transfer_id : {0u, 7u})
+    host_.send_bytes(HostPeer::frame(wire::kHeartbeatSubject, transfer_id, std::vector<std::uint8_t>(7)));
+  const auto after = status();
+  EXPECT_EQ(after.frames_received, 2u);
+  EXPECT_EQ(after.frames_refused, 0u);
+  EXPECT_EQ(after.frames_lost, 0u);
 }
 
 TEST_F(EndpointTest, FramesForOthersAreNoBusinessOfOurs) {

@@ -123,10 +123,11 @@ template <class B>
 concept BoardPort =
     EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && ClockPort<B> && LinkPort<B> && TickPort<B>;
 
-// What the board calls itself; at most 32 bytes each (palpate.GetInfo).
+// What the board calls itself: texts of at most 32 bytes (palpate.GetInfo), the first fit for a node's name.
 struct BoardIdentity {
   std::string_view board;
-  std::string_view firmware;
+  std::string_view firmware;               // MAJOR.MINOR.PATCH
+  std::array<std::uint8_t, 16> unique_id;  // of the chip: no other has it, and it is not all zero
 };
 
 }  // namespace palpate::firmware

@@ -201,6 +201,7 @@ void HostEndpoint::take(wire::Frame frame, std::uint32_t tick, std::vector<Incom
       decoded = decode_response<InfoResponse>(frame, messages);
       break;
     default:
+      if (wire::is_standard_message(specifier)) return;  // a heartbeat
       ++counters_.ports_unknown;
       return;
   }

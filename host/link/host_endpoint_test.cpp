@@ -146,6 +146,11 @@ TEST(HostEndpoint, WhatIsNotForItIsCountedAndLeftOut) {
               from_board(palpate_TraceRequest_1_0{.first_tick = 0, .count = 1, .form = 0, .ticks = 4}, 0), 0)
           .empty());
   EXPECT_EQ(host.counters().ports_unknown, 1u);
+  Bytes heartbeat(64);
+  heartbeat.resize(wire::encode_frame({.source = wire::kBoardNode, .specifier = wire::kHeartbeatSubject},
+                                      Bytes(7), heartbeat));
+  EXPECT_TRUE(host.receive(heartbeat, 0).empty());
+  EXPECT_EQ(host.counters().ports_unknown, 1u);
 
   Bytes frame(200);
   const Bytes short_payload(8, 1);

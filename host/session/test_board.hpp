@@ -53,7 +53,7 @@ class MemoryPeer final : public LockstepPeer {
   std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
   std::unique_ptr<Board> board_ = std::make_unique<Board>(platform_, *frames_);
   std::unique_ptr<firmware::App<Board>> app_ = std::make_unique<firmware::App<Board>>(
-      *board_, firmware::BoardIdentity{"memory", "0"}, firmware::kCatchUpCortexM4);
+      *board_, firmware::BoardIdentity{"memory", "0", {1}}, firmware::kCatchUpCortexM4);
 };
 
 }  // namespace palpate::host::test

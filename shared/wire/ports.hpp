@@ -24,6 +24,9 @@ inline constexpr std::uint16_t kDirectForceSubject = 1613;   // host to board, p
 // Services of the board: a request and its response.
 inline constexpr std::uint16_t kCommandService = 300;  // palpate.Command
 inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo
+// The standard's own, of any node (node.hpp).
+inline constexpr std::uint16_t kHeartbeatSubject = 7509;  // uavcan.node.Heartbeat
+inline constexpr std::uint16_t kNodeInfoService = 430;    // uavcan.node.GetInfo
 
 // The data specifier of a frame header: the kind of transfer and the number of its subject or service.
 constexpr std::uint16_t message_specifier(std::uint16_t subject) {
@@ -34,6 +37,12 @@ constexpr std::uint16_t response_specifier(std::uint16_t service) {
 }
 constexpr std::uint16_t request_specifier(std::uint16_t service) {
   return static_cast<std::uint16_t>(0xC000u | service);
+}
+
+// Messages with numbers that the standard has fixed: what nodes say of themselves to everybody, such as
+// heartbeats. Nobody has to know them.
+constexpr bool is_standard_message(std::uint16_t specifier) {
+  return specifier >= 7168 && specifier <= 8191;
 }
 
 }  // namespace palpate::wire

@@ -7,14 +7,16 @@ import sys
 
 from command import ROOT
 
+from palpate.hil import BOARDS
+
 FOLDER = ROOT / "docs/examples"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "host/python")}
 
 
-def output_of(name: str) -> str:
+def output_of(name: str, *arguments: str) -> str:
     """What an example prints."""
     done = subprocess.run(
-        [sys.executable, str(FOLDER / name)], env=ENVIRONMENT, capture_output=True, text=True, timeout=120
+        [sys.executable, str(FOLDER / name), *arguments], env=ENVIRONMENT, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -49,6 +51,18 @@ def test_connect_to_a_board() -> None:
         del lines[1]
     told = [re.fullmatch(r"tick \d+: (\w+), tip at \[.*\] mm, \d+ deadlines missed", line) for line in lines[1:]]
     assert len(told) == 10 and all(one is not None and one[1] in modes for one in told)
+
+
+def test_listen_with_pycyphal() -> None:
+    with subprocess.Popen([str(BOARDS["native"].image), "--pty"], stdout=subprocess.PIPE, text=True) as firmware:
+        assert firmware.stdout is not None
+        try:
+            lines = output_of("listen_with_pycyphal.py", firmware.stdout.readline().strip()).splitlines()
+        finally:
+            firmware.kill()
+    told = [re.fullmatch(r"node 42, tick (\d+): tip at z = -?0\.00 mm", line) for line in lines]  # encoders at zero
+    ticks = [int(one[1]) for one in told if one is not None]
+    assert len(ticks) == 10 and ticks == sorted(set(ticks))
 
 
 def test_examples_hold_under_mypy() -> None:
