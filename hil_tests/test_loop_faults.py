@@ -120,8 +120,8 @@ def test_a_lost_trace_is_sent_again(tmp_path, good):
 
 
 def test_a_trace_lost_twice_is_interpolated(tmp_path):
-    # Frame 67 is the answer to the request for what was in frame 60.
-    lossy = run(tmp_path, scene("[link.faults]\ndrop_up = [60, 67]"))
+    # Frame 68 is the answer to the request for what was in frame 61.
+    lossy = run(tmp_path, scene("[link.faults]\ndrop_up = [61, 68]"))
     flagged, error_m = lossy["updates/interpolated_ticks"], lossy["updates/interpolation_error_m"]
     assert lossy.summary["frames_lost"] == 2
     assert 1 <= lossy.summary["interpolated_ticks"] == flagged.sum() <= 8
