@@ -81,8 +81,8 @@ class Run {
       : input_(input),
         board_(std::make_unique<MemoryBoard>()),
         witness_(std::make_unique<Witness>()),
-        app_(std::make_unique<firmware::App<MemoryBoard>>(*board_, firmware::BoardIdentity{"memory", "0"},
-                                                          firmware::kCatchUpCortexM4)) {}
+        app_(std::make_unique<firmware::App<MemoryBoard>>(
+            *board_, firmware::BoardIdentity{"memory", "0", {1}}, firmware::kCatchUpCortexM4)) {}
 
   void go() {
     ticks(25);  // past the boot
