@@ -1,12 +1,10 @@
 """BoardLink's commands, against a board that is made up: order, tokens, refusals, disarming."""
 
-import sys
-import types
 from typing import Any
 
 import pytest
 
-from palpate import BoardLink, BoardLinkError
+from palpate import BoardLink, BoardLinkError, board_link
 
 ARM_REQUEST, ARM_CONFIRM, DISARM = 1, 2, 3
 TOKEN = 0x1234
@@ -27,6 +25,9 @@ class MadeUpBoard:
                       {"message": "Command", "transfer_id": len(self.asked), "status": status, "mode": self.mode, "token": told}]
         return b"frame", len(self.asked)
 
+    def get_info(self) -> tuple[bytes, int]:
+        return b"frame", 0
+
     def status(self) -> dict[str, Any]:
         numbers = dict.fromkeys(("faults", "models_taken", "frames_refused", "missed_deadlines"), 0)
         return {"message": "BoardStatus", "tick": 1000 * len(self.asked), "mode": self.mode, **numbers}
@@ -36,30 +37,26 @@ class MadeUpBoard:
         return said or [self.status()]
 
 
-class Port:
-    """Of pyserial what BoardLink uses."""
+class MadeUpLink:
+    """Stands for the transport."""
 
-    in_waiting = 0
+    is_open = True
 
-    def __init__(self, *_: Any, **__: Any) -> None:
-        self.closed = False
+    def __init__(self, address: str) -> None:
+        assert address == "serial:made up,115200"
 
-    def write(self, data: bytes) -> None:
-        assert data == b"frame"
+    def write(self, frame: bytes) -> bool:
+        return frame == b"frame"
 
-    def read(self, size: int) -> bytes:
+    def read(self, longest_s: float) -> bytes:
         return b""
-
-    def close(self) -> None:
-        self.closed = True
 
 
 def connected(monkeypatch: pytest.MonkeyPatch, board: MadeUpBoard) -> BoardLink:
     """A link to a made-up board."""
-    monkeypatch.setitem(sys.modules, "serial", types.SimpleNamespace(Serial=Port, SerialException=OSError))
-    link = BoardLink("made up", timeout_s=1.0)
-    link._endpoint = board  # type: ignore[assignment]
-    return link
+    monkeypatch.setattr(board_link._core, "Transport", MadeUpLink)
+    monkeypatch.setattr(board_link._core, "HostEndpoint", lambda link: board)
+    return BoardLink("made up", timeout_s=1.0)
 
 
 def test_arming_takes_two_steps_and_ends_with_the_block(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,7 +65,7 @@ def test_arming_takes_two_steps_and_ends_with_the_block(monkeypatch: pytest.Monk
         link.arm()
         assert board.asked == [(ARM_REQUEST, 0), (ARM_CONFIRM, TOKEN)]
     assert board.asked[-1] == (DISARM, 0)
-    assert link._port.closed
+    assert not hasattr(link, "_link")  # closed
 
 
 def test_a_refusal_is_told_and_the_board_left_disarmed(monkeypatch: pytest.MonkeyPatch) -> None:
