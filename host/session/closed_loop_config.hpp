@@ -23,7 +23,7 @@ struct ClosedLoopConfig {
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   bool arms_by_itself = true;
   std::uint64_t first_transfer_id = 0;  // link::EndpointOptions
-  std::uint32_t models_under_way = 1;  // that the host may compute at a time
+  std::uint32_t models_under_way = 1;   // that the host may compute at a time
   // Models are computed in a thread of their own, and are there when they are there, at the end of the host's
   // delay at the earliest: for loops in real time, never for results to be repeated.
   bool session_beside = false;
