@@ -26,11 +26,18 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY / "host/python")}
 HANGS_S = 120.0
 
 
+def _may_be_interrupted() -> None:
+    """What a shell starts in the background ignores it, and so does all that it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextlib.contextmanager
 def device_command(*arguments: str, stream: str = "stdout") -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The running command, and the address, which comes on the first line of that stream."""
     command = [sys.executable, "-m", "palpate", "device", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, preexec_fn=_may_be_interrupted
+    ) as process:
         try:
             yield process, getattr(process, stream).readline().strip()
         finally:
@@ -63,11 +70,12 @@ def test_the_example_renders_a_floor(board):
     assert state.faults == 0
 
 
-def test_the_command_says_its_address_and_ends_when_interrupted():
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_says_its_address_and_ends_when_interrupted(end):
     with device_command() as (process, address):
         assert address.startswith("serial:/dev/")
         assert wall(address, 0.2).returncode == 0
-        process.send_signal(signal.SIGINT)
+        process.send_signal(end)
         out, err = process.communicate(timeout=HANGS_S)
         assert process.returncode == 0, err
         assert "servo ticks, mode" in out

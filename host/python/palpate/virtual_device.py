@@ -5,6 +5,7 @@ which any program finds the board as it would find a real one.
         print(device.address)  # serial:/dev/pts/3
 """
 
+import signal
 import sys
 import threading
 import time
@@ -131,10 +132,11 @@ class VirtualDevice:
 def run_device(
     scene: Scene, board: str, link: str, play: bool, duration_s: float | None, announce: Callable[[str], None]
 ) -> dict[str, Any]:
-    """`palpate device`: until duration_s has passed or the program is interrupted. `announce` is told the address once the
+    """`palpate device`: until duration_s has passed, or the program is interrupted or told to end (SIGTERM). `announce` is told the address once the
     device is there. Returns what `--json` prints (docs/device_api.md)."""
     if duration_s is not None and not 0.0 < duration_s < 1e9:
         raise SceneError(f"--duration = {duration_s:g}: must be in (0, 1e9) s")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with VirtualDevice(scene, board, link) as device:
         announce(device.address)
         if play:
