@@ -499,7 +499,7 @@ def _attached_board() -> str:
     found = find_boards()
     named = os.environ.get(VARIABLE)
     if named and all(board.address != named for board in found):
-        raise SceneError(f"{VARIABLE} = {named}: no board of this version answers there; palpate doctor says more")
+        raise SceneError(f"{VARIABLE} = {named}: no board of this version answers there, or another program has it; doctor says which")
     if not found:
         return "native"
     print(f"board {found[0].info.board} at {found[0].address}", file=sys.stderr)

@@ -77,7 +77,8 @@ class VirtualDevice:
             self._core.start()
         except (ValueError, RuntimeError) as error:
             self._board.__exit__(type(error), error, None)
-            raise SceneError(f"{self._scene.file}: {error}") from None
+            # Of a link it names the link, of a path the scene.
+            raise SceneError(str(error) if isinstance(error, RuntimeError) else f"{self._scene.file}: {error}") from None
         self._winder = threading.Thread(target=self._wind_on, name="virtual device watchdog", daemon=True)
         self._winder.start()
         return self

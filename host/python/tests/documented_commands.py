@@ -96,6 +96,10 @@ TESTED = {
     "cmake --build --preset host --target palpate_device": (
         "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it"
     ),
+    "./run device --play": (
+        "hil_tests/test_device_api.py::test_the_command_over_udp_as_json"
+    ),
+    "./run device [SCENE.toml]": "hil_tests/test_device_api.py::test_the_command_over_udp_as_json",
     "./run device": "hil_tests/test_device_api.py::test_the_command_says_its_address_and_ends_when_interrupted",
     "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10": (
         "hil_tests/test_device_api.py::test_the_command_over_udp_as_json"
