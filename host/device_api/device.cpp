@@ -178,17 +178,13 @@ struct palpate_device {
   void calibrate() {
     Lock lock(mutex);
     const std::uint32_t asked_tick = current().tick;
+    rest_began_tick.reset();
     (void)command(lock, palpate_Command_Request_1_0_CALIBRATE, 0, "to calibrate");
-    // An arm that moves ends it before its time.
-    std::optional<std::uint32_t> first_tick, last_tick;
     until_state(lock, kCalibrationPatience, [&] {
-      if (state->mode == PALPATE_MODE_CALIBRATE) {
-        if (!first_tick) first_tick = state->tick;
-        last_tick = state->tick;
-      }
       return state->tick - asked_tick > kCalibration_ticks && state->mode != PALPATE_MODE_CALIBRATE;
     });
-    const std::uint32_t rest_ticks = first_tick ? *last_tick - *first_tick : 0;
+    // An arm that moves ends it before its time.
+    const std::uint32_t rest_ticks = rest_began_tick ? rest_ended_tick - *rest_began_tick : 0;
     if (rest_ticks + 2u * state_ticks + kSlack_ticks < kRest_ticks)
       throw Problem{PALPATE_REFUSED, named("calibrating: the arm did not rest for 0.1 s")};
   }
@@ -344,6 +340,10 @@ struct palpate_device {
     state = message;
     arrived = Clock::now();
     may_send = true;
+    if (message.mode == PALPATE_MODE_CALIBRATE) {
+      if (!rest_began_tick) rest_began_tick = message.tick;
+      rest_ended_tick = message.tick;
+    }
     // A fault, a force that did not come in time, a board that has started again: to be enabled anew.
     if (message.mode != PALPATE_MODE_DIRECT) {
       enabled = false;
@@ -378,6 +378,9 @@ struct palpate_device {
   Clock::time_point arrived{};
   std::optional<std::uint32_t> returned_tick;  // by wait()
   std::optional<link::CommandResponse> answer;
+  // First and last tick of the last calibration, as far as states have told.
+  std::optional<std::uint32_t> rest_began_tick;
+  std::uint32_t rest_ended_tick = 0;
   bool enabled = false;    // in mode direct, for this program
   bool may_be_on = false;  // a confirmation was sent
   std::optional<palpate_DirectForce_1_0>

@@ -1,6 +1,7 @@
 // The C library against the whole firmware with an arm and a hand, over links of the operating system.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -93,11 +94,14 @@ TEST_P(DeviceApi, TheHandFeelsTheForce) {
   ASSERT_TRUE(until([](const palpate_device_state& s) { return s.mode == PALPATE_MODE_IDLE; }));
   EXPECT_EQ(push(0.0, 0.0, 1.0), PALPATE_REFUSED);
   ASSERT_EQ(palpate_device_enable(device_), PALPATE_OK) << palpate_device_error(device_);
-  const palpate_device_state held = hold(1.5, 400);
-  EXPECT_NEAR(held.force_N[2], 1.5, kRounding);
-  EXPECT_EQ(held.mode, PALPATE_MODE_DIRECT);
-  // Pushed up, where a hand that wants to stay gives way by some millimetres.
-  EXPECT_GT(held.position_m[2], 1e-4);
+  hold(1.5, 400);
+  // A computer that lets the program wait for 20 ms makes the force fade: then it comes again.
+  ASSERT_TRUE(until([&](const palpate_device_state& s) {
+    push(0.0, 0.0, 1.5);
+    // Pushed up, where a hand that wants to stay gives way by some millimetres.
+    return std::fabs(s.force_N[2] - 1.5) < kRounding && s.mode == PALPATE_MODE_DIRECT &&
+           s.position_m[2] > 1e-4;
+  }));
   const host::VirtualDeviceState truth = virtual_->state();
   EXPECT_TRUE(truth.outputs_on);
   EXPECT_LT(truth.hand_force_N.z, -0.5);  // the hand holds against it
@@ -106,9 +110,15 @@ TEST_P(DeviceApi, TheHandFeelsTheForce) {
 TEST_P(DeviceApi, ForcesAreLimitedByTheBoard) {
   ASSERT_TRUE(until([](const palpate_device_state& s) { return s.mode == PALPATE_MODE_IDLE; }));
   ASSERT_EQ(palpate_device_enable(device_), PALPATE_OK) << palpate_device_error(device_);
-  const palpate_device_state held = hold(20.0, 300);
-  EXPECT_NEAR(held.force_N[2], static_cast<double>(firmware::Limits{}.direct_force_N), 1e-5);
-  EXPECT_EQ(held.faults, 0u);
+  const double limit_N = static_cast<double>(firmware::Limits{}.direct_force_N);
+  double largest_N = 0.0;
+  ASSERT_TRUE(until([&](const palpate_device_state& s) {
+    push(0.0, 0.0, 20.0);
+    largest_N = std::max(largest_N, s.force_N[2]);
+    return s.force_N[2] > limit_N - 1e-5;
+  }));
+  EXPECT_NEAR(largest_N, limit_N, 1e-5);
+  EXPECT_EQ(next().faults, 0u);
 }
 
 TEST_P(DeviceApi, AProgramThatStopsLosesItsForceThenTheOutputs) {

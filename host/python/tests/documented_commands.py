@@ -188,7 +188,6 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml": _A_WHOLE_BODY,
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
-    "PYTHONPATH=host/python": "no command: a setting, which test_examples.py uses",
     "build/host/host/bench/model_builders": _TOO_LONG,
     "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,
     "build/host/host/bench/edge_jumps > edge_jumps.json": _TOO_LONG,
