@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +13,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from test_gui import BODY_SHARE, BLUE_PIXELS, ENVIRONMENT, HEIGHT, PATCH_PIXELS, PLOTS, ROOT, SCENE, SCRIPTS, WIDTH, near
+from test_live import DEADLINE_S, RENDER, SCENES, SMALL, wait
 
 from palpate import board_search, doctor, record
 from palpate.hil import BoardError
@@ -20,20 +21,9 @@ from palpate.live import Live
 from palpate.scene import load_scene
 from palpate.virtual_device import VirtualDevice
 
-SCENES = ROOT / "scenes"
-# A soft block whose top is at -2 cm, and a hand that presses 4 mm in, 2 cm aside, and comes up again.
-SMALL = {"body.nodes": [8, 8, 8], "body.origin_m": [-0.035, -0.035, -0.09], "contact.friction": 0.4}
+# The top of the body is at -2 cm; the hand presses 4 mm in, goes 1 cm aside, and comes up again.
 ABOVE_M, PRESSED_M, ASIDE_M = [-0.005, 0.0, -0.015], [-0.005, 0.0, -0.024], [0.005, 0.0, -0.024]
-IDLE, RENDER = 1, 3
-DEADLINE_S = 100.0
-
-
-def wait(live: Live, done: Callable[[], bool]) -> None:
-    latest_s = time.monotonic() + DEADLINE_S
-    while not done():
-        assert live.poll(), live.problem
-        assert time.monotonic() < latest_s, live.status
-        time.sleep(0.005)
+IDLE = 1
 
 
 @pytest.fixture
@@ -105,7 +95,7 @@ def test_ports_that_look_like_a_board_are_asked_others_left_alone(monkeypatch: p
         port("/dev/ttyS0", None), port("/dev/ttyACM0", "palpate board"), port("/dev/ttyACM1", "STM32 STLink", 0x0483, 0x374E),
         port("/dev/ttyUSB0", "GPS receiver", 0x1546, 0x01A7),
     ]  # fmt: skip
-    assert board_search.addresses(ports) == ["serial:/dev/ttyACM0,921600", "serial:/dev/ttyACM1,921600"]
+    assert board_search.addresses(ports) == ["serial:/dev/ttyACM0,4000000", "serial:/dev/ttyACM1,921600"]
 
 
 def test_an_attached_board_is_found_and_told(device: VirtualDevice, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,8 +29,8 @@ STOP_PIXELS = 2000
 
 
 def gui(*arguments: object, screen: bool = True, timeout_s: float = 280.0) -> subprocess.CompletedProcess[str]:
-    """`palpate gui --json ...`."""
-    words = [sys.executable, "-m", "palpate", "gui", "--json", *map(str, arguments)]
+    """`palpate gui --json ...`. On board native unless it is told: these tests arm, and a board with motors may be attached."""
+    words = [sys.executable, "-m", "palpate", "gui", "--json", "--board", "native", *map(str, arguments)]
     if screen:
         words = ["xvfb-run", "-a", "-s", f"-screen 0 {WIDTH}x{HEIGHT}x24", *words]
     environment = {k: v for k, v in ENVIRONMENT.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}

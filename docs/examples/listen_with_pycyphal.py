@@ -1,6 +1,6 @@
 """Listen to a board in a dozen lines of pycyphal: a client of the wire protocol (docs/protocol.md) without a line of palpate's code.
 
-`python listen_with_pycyphal.py PORT`; the message definitions are those of the source tree that this file lies in.
+`python listen_with_pycyphal.py /dev/ttyACM0` (or `serial:/dev/pts/3`, as `./run device` says it); the message definitions are those of the source tree that this file lies in.
 """
 
 import asyncio
@@ -28,4 +28,6 @@ with tempfile.TemporaryDirectory() as folder:
     pycyphal.dsdl.compile_all([Path(__file__).parents[2] / "shared/wire/dsdl/palpate"], output_directory=folder)
     sys.path.insert(0, folder)  # what is generated is called palpate: not beside palpate's own package
     messages = importlib.import_module("palpate")
-    asyncio.run(listen(sys.argv[1]))
+    if len(sys.argv) != 2:
+        sys.exit("usage: listen_with_pycyphal.py PORT")
+    asyncio.run(listen(sys.argv[1].removeprefix("serial:")))

@@ -166,13 +166,15 @@ void Servo::post(const ServoTiming& timing, const Decision& decision) {
 void Servo::post_device(const ServoTiming& timing, const device::Pose& pose) {
   if (!mailbox_.device_wanted.load(std::memory_order_relaxed)) return;
   // Full: the background has not run for two ticks.
-  (void)mailbox_.device.push({.tick = timing.tick,
-                              .tip_m = tip_m_,
-                              .velocity_m_s = device::estimated_velocity(device_, pose, estimators_),
-                              .force_N = state_.force_N,
-                              .mode = state_.mode,
-                              .flags = flags_[timing.tick % kTipHistory].load(std::memory_order_relaxed),
-                              .faults = state_.faults});
+  (void)mailbox_.device.push(
+      {.tick = timing.tick,
+       .tip_m = tip_m_,
+       // Of a pose that kinematics cannot know, as of one just calibrated, it is none.
+       .velocity_m_s = have_tip_ ? device::estimated_velocity(device_, pose, estimators_) : Vec3f{},
+       .force_N = state_.force_N,
+       .mode = state_.mode,
+       .flags = flags_[timing.tick % kTipHistory].load(std::memory_order_relaxed),
+       .faults = state_.faults});
 }
 
 void Servo::record_flags(const ServoTiming& timing, const Decision& decision) {

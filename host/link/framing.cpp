@@ -28,9 +28,9 @@ class SerialFraming final : public Framing {
   wire::FrameReceiver<kReceiverCapacity> receiver_;
 };
 
-// Ports of the board, each of which may be in the middle of a transfer: five subjects, two services, and one
+// Ports of the board, each of which may be in the middle of a transfer: six subjects, two services, and one
 // for what is none of ours.
-constexpr std::size_t kTransfersAtOnce = 8;
+constexpr std::size_t kTransfersAtOnce = 9;
 
 class CanFraming final : public Framing {
  public:

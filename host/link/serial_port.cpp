@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -52,6 +54,13 @@ void make_raw(int descriptor, const std::string& address, speed_t rate) {
     fail(address, errno);
 }
 
+bool is_pseudo_terminal(int descriptor) {
+  constexpr unsigned kFirstMajor = 136, kLastMajor = 143;  // Linux: Unix98 pseudo-terminals
+  struct stat what {};
+  return ::fstat(descriptor, &what) == 0 && gnu_dev_major(what.st_rdev) >= kFirstMajor &&
+         gnu_dev_major(what.st_rdev) <= kLastMajor;
+}
+
 // Our own hold of the far end: without it the terminal hangs up between two programs.
 class PseudoTerminal final : public DescriptorLink {
  public:
@@ -68,8 +77,9 @@ class PseudoTerminal final : public DescriptorLink {
 
 }  // namespace
 
-std::unique_ptr<Transport> open_serial_port(const std::string& path, std::uint32_t baud) {
+std::unique_ptr<Transport> open_serial_port(const std::string& path, std::optional<std::uint32_t> given) {
   const std::string address = "serial:" + path;
+  const std::uint32_t baud = given.value_or(kDefaultBaud);
   const speed_t rate = name_of(address, baud);
   Descriptor descriptor(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (descriptor.get() < 0) fail(address, errno);
@@ -77,6 +87,8 @@ std::unique_ptr<Transport> open_serial_port(const std::string& path, std::uint32
     throw TransportError(address + ": another program has it: a board obeys one host");
   make_raw(descriptor.get(), address, rate);
   ::tcflush(descriptor.get(), TCIOFLUSH);
+  if (!given && is_pseudo_terminal(descriptor.get()))
+    return std::make_unique<DescriptorLink>(std::move(descriptor), address, 0.0);
   return std::make_unique<DescriptorLink>(std::move(descriptor), address + "," + std::to_string(baud),
                                           baud / kBitsPerByte);
 }

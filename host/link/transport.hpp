@@ -56,7 +56,8 @@ class Transport {
 };
 
 // Opens the link of an address:
-//   serial:/dev/ttyACM0[,BAUD]   a serial line or a pseudo-terminal; BAUD 921600 where it is not given
+//   serial:/dev/ttyACM0[,BAUD]   a serial line, 921600 where BAUD is not given, or a
+//                                pseudo-terminal, without a rate then
 //   udp:HOST:PORT                a peer that listens there
 //   udp-listen:[HOST:]PORT       waits there for a peer: whoever was heard last is answered
 //   can:INTERFACE                classic CAN (socketcan.hpp): frames of up to 8 bytes

@@ -130,6 +130,7 @@ TEST(Transport, RefusesAddressesByName) {
 
 TEST(Transport, KnowsWhatASerialLineCarries) {
   const auto near = open_transport("pty:");
+  EXPECT_DOUBLE_EQ(open_transport(near->address())->bytes_per_s(), 0.0);  // no line: no rate
   EXPECT_DOUBLE_EQ(open_transport(near->address() + ",115200")->bytes_per_s(), 11520.0);
 }
 

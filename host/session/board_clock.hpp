@@ -29,7 +29,6 @@ class BoardClock {
     return std::exchange(known_, true) && again;
   }
 
-  [[nodiscard]] bool is_known() const { return known_; }
   // Before anything was heard the host's own milliseconds.
   [[nodiscard]] std::uint32_t tick(double now_s) const {
     const double ticks = now_s * kTicks_1_s + offset_;

@@ -29,7 +29,12 @@ VirtualDevice::~VirtualDevice() {
 void VirtualDevice::start() {
   if (thread_.joinable() || stop_) throw std::logic_error("virtual device: it has been started already");
   state_.running = true;
-  thread_ = std::thread([this] { run(); });
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (...) {
+    state_.running = false;
+    throw;
+  }
 }
 
 void VirtualDevice::stop() {

@@ -13,6 +13,8 @@ VARIABLE = "PALPATE_LINK"
 _ST_LINK = (0x0483, {0x374B, 0x374E, 0x374F, 0x3752, 0x3753})
 _PRODUCT = "palpate"  # what the firmware's own USB port calls itself
 _BAUD = 921_600
+# Of a port on USB that is no line: hosts pace themselves by the number.
+_USB_BAUD = 4_000_000
 _PATIENCE_S = 1.0
 
 
@@ -34,13 +36,21 @@ def addresses(ports: Iterable[Any] | None = None) -> list[str]:
         else:
             ports = comports()
     named = [os.environ[VARIABLE]] if os.environ.get(VARIABLE) else []
-    return named + [f"serial:{port.device},{_BAUD}" for port in ports if _may_be_a_board(port)]
+    return named + [f"serial:{port.device},{_baud(port)}" for port in ports if _may_be_a_board(port)]
+
+
+def _baud(port: Any) -> int:
+    return _USB_BAUD if _is_ours(port) else _BAUD
+
+
+def _is_ours(port: Any) -> bool:
+    return _PRODUCT in (port.product or "").lower()
 
 
 def _may_be_a_board(port: Any) -> bool:
     """Others are left alone: bytes may mean something to them."""
     vendor, products = _ST_LINK
-    return _PRODUCT in (port.product or "").lower() or (port.vid == vendor and port.pid in products)
+    return _is_ours(port) or (port.vid == vendor and port.pid in products)
 
 
 def find_boards(patience_s: float = _PATIENCE_S, but: str | None = None) -> list[FoundBoard]:

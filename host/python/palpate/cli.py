@@ -198,7 +198,7 @@ def build_parser() -> argparse.ArgumentParser:
     add_set(device)
     device.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
     device.add_argument(
-        "--link", default="pty:", metavar="ADDRESS", help="pty: (default) or udp-listen:[HOST:]PORT; the address to open is the first line"
+        "--link", default="pty:", metavar="ADDRESS", help="pty: (default) or udp-listen:[HOST:]PORT; the address to open is the first line (with --json of standard error)"
     )
     device.add_argument("--play", action="store_true", help="the hand follows the scene's path")
     device.add_argument("--duration", type=float, metavar="S", help="end after so many seconds (default: when it is interrupted)")

@@ -28,7 +28,8 @@ def plain(text: str, colour: Colour) -> str:
     return text
 
 
-_BOARD_PATIENCE_S = 1.0
+_BOARD_PATIENCE_S = 1.0  # until a board that is there has answered
+
 
 @dataclass(frozen=True)
 class Check:

@@ -75,8 +75,8 @@ class Live:
     """A running loop. Use as a context manager. One thread calls.
 
     board: a name in `hil.BOARDS`, or the address of a board that runs by itself (docs/device_api.md): then nothing of the device
-    is simulated (`is_attached`), and what only a simulated one can do has no effect. path: that play_path() follows, in place of the scene's. Without any the hand begins
-    above the middle of the body. watchdog_s: a board that gives no tick for so long is ended, unless the loop is paused.
+    is simulated (`is_attached`), and what only a simulated one can do has no effect. path: that play_path() follows, in place
+    of the scene's. Without any the hand begins above the middle of the body. watchdog_s: a board that gives no tick for so long is ended, unless the loop is paused.
     Raises SceneError for scenes that have no tip to touch with, BoardError where the board cannot be started.
 
     problem: why the loop has ended by itself, on one line; None: it has not.

@@ -33,6 +33,7 @@ _WARNING = (1.0, 0.70, 0.30, 1.0)
 _FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
+_OLD_MODEL_s = 0.5  # half of what a board renders before the force fades
 # Also for values that are typed in.
 _CLAMP = psim.ImGuiSliderFlags_AlwaysClamp
 
@@ -217,6 +218,9 @@ class Controls:
         psim.Text(f"{app.frames_per_s:.0f} frames/s, loop at {app.real_time:.2f} of real time")
         if not live.is_attached and status["running"] and app.real_time < 0.9 and self._speed >= 1.0:
             psim.TextColored(_WARNING, "this machine is too slow for the body:\neverything goes slower, nothing is lost")
+        age_s = live.history["model_age_s"]
+        if live.is_attached and len(age_s) and age_s[-1] > _OLD_MODEL_s and live.contact is not None and live.contact.mode != "free":
+            psim.TextColored(_WARNING, f"the model is {age_s[-1]:.1f} s old: machine or link\nis too slow, and the force fades")
         psim.Text(f"models {status['models_taken']} of {status['models_sent']}, refused {status['models_refused']}")
         psim.Text(f"frames lost: {status['frames_lost_down']} down, {status['frames_lost_up']} up")
         if status["links_opened"] > 1:
