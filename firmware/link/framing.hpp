@@ -1,5 +1,5 @@
-// How the board puts transfers on its link and takes them from it: a choice of the build (PALPATE_LINK in
-// CMake). What the framings have in common:
+// How the board puts transfers on its link and takes them from it: a choice of the build, with an image for
+// each (boards/CMakeLists.txt). What the framings have in common:
 //   kTransferIdBits  of a transfer identifier, that the link carries
 //   kLargestSent     bytes on the link of the largest transfer to the host
 //   receive()        takes bytes up to the end of the next good transfer, or all of them; call again with the

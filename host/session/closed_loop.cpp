@@ -79,6 +79,11 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   ClosedLoop loop(body, start, plant, board, down, up, config);
   std::vector<LoopTick> recorded;
   recorded.reserve(config.ticks);
+  std::vector<std::uint32_t> heard(config.ticks, ClosedLoopResult::kNeverHeard);
+  loop.host().listen_to_ticks([&heard](std::uint32_t first, std::uint32_t count, std::uint32_t now) {
+    for (std::uint32_t tick = first; tick - first < count && tick < heard.size(); ++tick)
+      heard[tick] = std::min(heard[tick], now);
+  });
   while (loop.tick() < config.ticks) {
     recorded.push_back(loop.advance());
     if (recorded.size() % kTicksPerReport == 0 && progress &&
@@ -86,7 +91,12 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
       throw std::runtime_error("stopped");
   }
   loop.shut_down();
-  return loop.host().finish(std::move(recorded));
+  ClosedLoopResult result = loop.host().finish(std::move(recorded));
+  for (const LoopTick& row : result.ticks)
+    result.heard_ticks.push_back(row.tick < heard.size() ? heard[row.tick] : ClosedLoopResult::kNeverHeard);
+  result.down = down.counters();
+  result.up = up.counters();
+  return result;
 }
 
 }  // namespace palpate::host

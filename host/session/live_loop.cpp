@@ -29,12 +29,12 @@ LiveLoop::LiveLoop(LiveSetup setup)
       path_(std::move(setup.path)),
       reach_(setup.plant.arm),
       board_(std::move(setup.board)),
-      down_(std::move(setup.down)),
-      up_(std::move(setup.up)),
+      link_(std::move(setup.link)),
       plant_(setup.plant, path_),
       guide_(setup.guide, path_.at(0.0).position_m),
       most_busy_ticks_(static_cast<std::uint32_t>(std::ceil(1.0 / (setup.loop.session.update_Hz * kTick_s)))),
-      loop_(body_, setup.start, plant_, *board_, *down_, *up_, without_script(std::move(setup.loop))) {
+      loop_(body_, setup.start, plant_, *board_, link_->down(), link_->up(),
+            without_script(std::move(setup.loop))) {
   plant_.guide(guide_.now());  // refuses another kind of hand now
 }
 
@@ -95,8 +95,8 @@ void LiveLoop::run() {
       feed_.look_at(loop_.host(), loop_.tick());
       feed_.edit([this](LiveStatus& status) {
         status.slipped_s = pacer_.slipped_s();
-        status.down = down_->counters();
-        status.up = up_->counters();
+        status.down = link_->down().counters();
+        status.up = link_->up().counters();
       });
     }
     loop_.shut_down();

@@ -16,7 +16,7 @@
 #include <thread>
 #include <vector>
 
-#include "host/link/medium.hpp"
+#include "host/link/metered_link.hpp"
 #include "host/msd/body.hpp"
 #include "host/plant/hand_guide.hpp"
 #include "host/plant/plant.hpp"
@@ -33,7 +33,7 @@ struct LiveSetup {
   plant::TipPath path;             // the hand begins at its beginning; play_path() follows it
   plant::HandGuideParameters guide{};
   std::unique_ptr<LockstepPeer> board;
-  std::unique_ptr<link::Medium> down, up;
+  std::unique_ptr<link::MeteredLink> link;
   ClosedLoopConfig loop{};  // ticks, grip_changes and probe_node have no effect
 };
 
@@ -81,7 +81,7 @@ class LiveLoop {
   plant::TipPath path_;
   plant::ArmPlant reach_;  // for other threads: has no state
   std::unique_ptr<LockstepPeer> board_;
-  std::unique_ptr<link::Medium> down_, up_;
+  std::unique_ptr<link::MeteredLink> link_;
   // The loop's thread alone.
   plant::Plant plant_;
   plant::HandGuide guide_;

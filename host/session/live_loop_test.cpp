@@ -12,7 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "host/link/uart.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
 
@@ -39,8 +38,7 @@ LiveSetup setup(int nodes = 9) {
           .start = std::move(start),
           .path = plant::TipPath::minimum_jerk({{0.0, kAbove_m}, {0.2, {0.0, 0.0, -0.023}}, {0.4, kAbove_m}}),
           .board = std::make_unique<test::MemoryPeer>(),
-          .down = std::make_unique<link::Uart>(12'000'000),
-          .up = std::make_unique<link::Uart>(12'000'000),
+          .link = link::make_metered_link({}),
           .loop = std::move(config)};
 }
 

@@ -30,6 +30,7 @@ LoopHost::LoopHost(const Body& body, const BodyState& start, const ClosedLoopCon
 }
 
 void LoopHost::receive(const std::vector<std::uint8_t>& bytes, std::uint32_t tick) {
+  received_tick_ = tick;
   for (const link::Incoming& incoming : endpoint_.receive(bytes, tick))
     std::visit([this](const auto& message) { take(message); }, incoming);
 }

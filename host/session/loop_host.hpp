@@ -45,6 +45,11 @@ class LoopHost {
     listener_ = std::move(listener);
   }
 
+  // Is told which ticks have come, their tips at least, in which tick: the first of them, how many, now.
+  void listen_to_ticks(std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> listener) {
+    tick_listener_ = std::move(listener);
+  }
+
   // What a person asks for. Arming takes its two steps (arming.hpp); any other action goes out as it is, and
   // ends what is left of them.
   void arm() { arming_.begin(); }
@@ -106,8 +111,14 @@ class LoopHost {
   template <class Trace>
   requires std::same_as<Trace, palpate_ServoTrace_1_0> || std::same_as<Trace, palpate_TipTrace_1_0>
   void take(const Trace& trace) {
-    if constexpr (std::same_as<Trace, palpate_ServoTrace_1_0>)
+    std::uint32_t count = 0;
+    if constexpr (std::same_as<Trace, palpate_ServoTrace_1_0>) {
+      count = static_cast<std::uint32_t>(trace.samples.count);
       if (listener_) listener_(trace);
+    } else {
+      count = 1 + static_cast<std::uint32_t>(trace.offsets.count);
+    }
+    if (tick_listener_) tick_listener_(trace.first_tick, count, received_tick_);
     tell_session([trace](Session& session) { session.take(trace); });
   }
   void take(const palpate_BoardStatus_1_0& status);
@@ -134,12 +145,14 @@ class LoopHost {
   std::vector<SentModel> sent_;  // with a probe only
   std::vector<int> patch_nodes_;
   std::function<void(const palpate_ServoTrace_1_0&)> listener_;
+  std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> tick_listener_;
   std::optional<palpate_BoardStatus_1_0> board_status_;
   ClosedLoopResult result_;
   bool has_peak_ = false;
   double peak_N_ = 0.0;
   // Beside the loop (ClosedLoopConfig::session_beside); last, for its thread uses what is above.
   std::uint32_t begun_tick_ = 0;
+  std::uint32_t received_tick_ = 0;  // the newest bytes
   std::uint64_t basis_waits_ = 0;                    // when it was not busy last
   std::vector<std::function<void(Session&)>> news_;  // for the session, when it is not busy any more
   std::future<std::optional<ModelUpdate>> update_;

@@ -7,6 +7,7 @@
 
 #include "boards/lockstep/exchange.hpp"
 #include "host/linearize/basis_store.hpp"
+#include "host/link/medium.hpp"
 #include "host/msd/body.hpp"
 #include "host/session/node_probe.hpp"
 #include "shared/math/linear.hpp"
@@ -47,7 +48,9 @@ struct LoopCounters {
 };
 
 struct ClosedLoopResult {
+  static constexpr std::uint32_t kNeverHeard = 0xFFFFFFFF;
   std::vector<LoopTick> ticks;
+  std::vector<std::uint32_t> heard_ticks;  // of each of them, in which one the host had its tip
   std::vector<UpdateRecord> updates;
   LoopCounters counters;
   Replay probe;  // of all ticks and updates; empty without a probe
@@ -58,6 +61,7 @@ struct ClosedLoopResult {
   std::vector<int> patch_at_peak;
   // Depends on the files that there were before, unlike all else.
   BasisCounts bases;
+  link::MediumCounters down{}, up{};  // of the link
 };
 
 }  // namespace palpate::host

@@ -4,10 +4,11 @@
 #include <nanobind/stl/string.h>
 
 #include <array>
+#include <memory>
 #include <string>
 #include <utility>
 
-#include "host/link/uart.hpp"
+#include "host/link/metered_link.hpp"
 #include "host/python/bindings/arrays.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "host/python/bindings/loop_datasets.hpp"
@@ -70,15 +71,14 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   const host::ClosedLoopConfig config = read_closed_loop(scene, body, cache_folder);
   const plant::PlantParameters parameters = read_plant(scene);
   plant::Plant plant = read_moved_plant(scene, parameters);
-  const nb::dict link = table(scene, "link");
-  link::Uart down(whole(link, "baud"), whole(link, "queue_bytes")),
-      up(whole(link, "baud"), whole(link, "queue_bytes"));
+  const std::unique_ptr<link::MeteredLink> link = link::make_metered_link(read_link(scene));
   host::FileDescriptorPeer board(actuator_fd, sensor_fd);
 
   host::ClosedLoopResult run;
   {
     const nb::gil_scoped_release no_gil;
-    run = host::run_closed_loop(body, start, plant, board, down, up, config, with_gil(progress));
+    run = host::run_closed_loop(body, start, plant, board, link->down(), link->up(), config,
+                                with_gil(progress));
   }
   nb::dict result;
   add_ticks(result, run.ticks);
@@ -95,6 +95,13 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   }
   result["clock_Hz"] = run.ticks.empty() ? 0u : run.ticks.back().board.clock_Hz;
   add_counters(result, run.counters);
+  nb::dict link_counters;
+  link_counters["down"] = medium_counters(run.down);
+  link_counters["up"] = medium_counters(run.up);
+  link_counters["bytes_per_tick"] = link->down().bytes_per_tick();
+  link_counters["heard_ticks"] =
+      column<std::uint32_t>(run.heard_ticks, [](std::uint32_t tick) { return tick; });
+  result["link"] = link_counters;
   result["basis_problem"] = run.bases.problem;
   return result;
 }

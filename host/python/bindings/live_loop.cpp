@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "host/link/uart.hpp"
 #include "host/python/bindings/arrays.hpp"
 #include "host/python/bindings/loop_datasets.hpp"
 #include "host/python/bindings/moving_body.hpp"
@@ -39,10 +38,6 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
   config.emergency_stop_ticks.clear();
   config.faults_down.clear();
   config.faults_up.clear();
-  const nb::dict wire = table(scene, "link");
-  const auto uart = [&wire] {
-    return std::make_unique<link::Uart>(whole(wire, "baud"), whole(wire, "queue_bytes"));
-  };
   const plant::PlantParameters parameters = read_plant(scene);
   const plant::TipPath path = read_path(scene);
   host::LiveSetup setup{.body = std::move(body),
@@ -50,8 +45,7 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
                         .plant = parameters,
                         .path = path,
                         .board = std::make_unique<host::FileDescriptorPeer>(actuator_fd, sensor_fd),
-                        .down = uart(),
-                        .up = uart(),
+                        .link = link::make_metered_link(read_link(scene)),
                         .loop = std::move(config)};
   return std::make_unique<LiveLoop>(std::move(setup));
 }

@@ -256,6 +256,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
         {static_cast<std::uint32_t>(std::lround(number(change, "time_s") / kTick_s)),
          number(change, "grip")});
   }
+  config.framing = link::framing_of(read_link(scene).medium);
   const nb::dict link = table(scene, "link");
   config.trace = {choice<host::TraceForm>(text(link, "trace"), "link.trace",
                                           {{"full", host::TraceForm::full}, {"tip", host::TraceForm::tip}}),
@@ -268,6 +269,19 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.faults_down = faults(link_faults, "down");
   config.faults_up = faults(link_faults, "up");
   return config;
+}
+
+link::MeteredLinkOptions read_link(const nb::dict& scene) {
+  const nb::dict link = table(scene, "link");
+  return {.medium = choice<link::MediumKind>(text(link, "medium"), "link.medium",
+                                             {{"uart", link::MediumKind::uart},
+                                              {"can", link::MediumKind::can},
+                                              {"canfd", link::MediumKind::canfd},
+                                              {"usb", link::MediumKind::usb}}),
+          .baud = whole(link, "baud"),
+          .bit_rate_Hz = whole(link, "bit_rate_Hz"),
+          .data_bit_rate_Hz = whole(link, "data_bit_rate_Hz"),
+          .queue_bytes = whole(link, "queue_bytes")};
 }
 
 host::Method read_method(const nb::dict& scene) {

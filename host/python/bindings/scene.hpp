@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "host/link/metered_link.hpp"
 #include "host/msd/lattice.hpp"
 #include "host/plant/plant.hpp"
 #include "host/session/closed_loop.hpp"
@@ -33,6 +34,8 @@ host::BuilderConfig read_model(const nb::dict& model);
 // cache_folder: for bases (model.basis_cache_MB).
 host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body& body,
                                         const std::string& cache_folder);
+// Of the table [link].
+link::MeteredLinkOptions read_link(const nb::dict& scene);
 host::Method read_method(const nb::dict& scene);
 
 nb::dict table(const nb::dict& scene, const char* name);

@@ -94,6 +94,11 @@ def build_parser() -> argparse.ArgumentParser:
             "--board", choices=sorted(BOARDS), help="where the firmware runs (default: the scene's)"
         )
 
+    def add_medium(command: argparse.ArgumentParser) -> None:
+        command.add_argument(
+            "--medium", choices=("uart", "can", "canfd", "usb"), help="what carries the link (default: the scene's link.medium)"
+        )
+
     def add_set(command: argparse.ArgumentParser) -> None:
         command.add_argument(
             "--set",
@@ -149,14 +154,17 @@ def build_parser() -> argparse.ArgumentParser:
     demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
     add_out(demo, "out/demo")
     add_board(demo)
+    add_medium(demo)
     run_command = add("run", "run a scene with the firmware in the loop")
     add_scene(run_command)
     add_out(run_command, "out/<name of the scene>")
     add_board(run_command)
+    add_medium(run_command)
     replay = add("replay", "run the firmware again on a recorded tip path, with what --set changes, and compare")
     replay.add_argument("file", type=Path, metavar="FILE", help="record.h5 of run, demo, replay or gui; may be interrupted")
     add_set(replay)
     add_board(replay)
+    add_medium(replay)
     add_out(replay, "out/replay")
     replay.add_argument(
         "--tolerance-N",
@@ -198,13 +206,14 @@ def build_parser() -> argparse.ArgumentParser:
     add_set(device)
     device.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
     device.add_argument(
-        "--link", default="pty:", metavar="ADDRESS", help="pty: (default) or udp-listen:[HOST:]PORT; the address to open is the first line (with --json of standard error)"
+        "--link", default="pty:", metavar="ADDRESS", help="pty: (default), udp-listen:[HOST:]PORT, can:INTERFACE or canfd:INTERFACE; the address to open is the first line (with --json of standard error)"
     )
     device.add_argument("--play", action="store_true", help="the hand follows the scene's path")
     device.add_argument("--duration", type=float, metavar="S", help="end after so many seconds (default: when it is interrupted)")
     choose = add("choose", "show what the rule makes of a scene's \"auto\", and why, line by line")
     add_scene(choose)
     add_board(choose)
+    add_medium(choose)
     choose.add_argument(
         "--record", type=Path, metavar="FILE", help="record.h5 of a run: for the bandwidth and the latency that it measured"
     )
@@ -350,14 +359,18 @@ def _output_folder(arguments: argparse.Namespace, default: str) -> Path:
     return folder
 
 
-def _load_scene(file: Path, overrides: Sequence[str], board: str | None = None) -> Scene:
-    return load_scene(file, dict(parse_override(text) for text in overrides), board)
+def _overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What --set and --medium say; demo has the latter alone."""
+    overrides = dict(parse_override(text) for text in getattr(arguments, "set", ()))
+    if getattr(arguments, "medium", None) is not None:
+        overrides["link.medium"] = arguments.medium
+    return overrides
 
 
 def _experiment(arguments: argparse.Namespace) -> int:
     is_demo = arguments.command == "demo"
-    file, overrides = (SCENES / "demo.toml", []) if is_demo else (arguments.scene, arguments.set)
-    scene = _load_scene(file, overrides, getattr(arguments, "board", None))
+    file = SCENES / "demo.toml" if is_demo else arguments.scene
+    scene = load_scene(file, _overrides(arguments), getattr(arguments, "board", None))
     folder = _output_folder(arguments, scene.file.stem)
     if arguments.command != "simulate":
         scene.require_path()
@@ -388,7 +401,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     if tolerance_N is not None and not 0.0 <= tolerance_N <= 100.0:
         raise SceneError(f"--tolerance-N = {tolerance_N:g}: must be in [0, 100] N")
     folder = _output_folder(arguments, "replay")
-    source = replay.load_source(arguments.file, dict(parse_override(text) for text in arguments.set), arguments.board)
+    source = replay.load_source(arguments.file, _overrides(arguments), arguments.board)
     replay.check_folder(source, folder)
     from palpate import _core
 
@@ -426,8 +439,7 @@ def _choose(arguments: argparse.Namespace) -> int:
             measured = measured_in(read_record(arguments.record, RUN)[0])
         except (OSError, KeyError, ValueError) as error:
             raise SceneError(f"--record = {arguments.record}: {error}: must be the record.h5 of a run") from None
-    overrides = dict(parse_override(text) for text in arguments.set)
-    scene = load_scene(arguments.scene, overrides, arguments.board, measured)
+    scene = load_scene(arguments.scene, _overrides(arguments), arguments.board, measured)
     choice = scene.choice or scene.judge(measured)
     if arguments.json:
         print(json.dumps(choice.to_dict(), allow_nan=False))
@@ -510,7 +522,7 @@ def _gui(arguments: argparse.Namespace) -> int:
     from palpate.gui.command import Options, parse_size, run_window
     from palpate.gui.settings import Settings
 
-    settings = Settings(arguments.scene, arguments.board or _attached_board(), dict(parse_override(text) for text in arguments.set))
+    settings = Settings(arguments.scene, arguments.board or _attached_board(), _overrides(arguments))
     numbers = run_window(
         Options(
             settings,
@@ -535,7 +547,7 @@ def _gui(arguments: argparse.Namespace) -> int:
 def _device(arguments: argparse.Namespace) -> int:
     from palpate.virtual_device import run_device
 
-    scene = _load_scene(arguments.scene, arguments.set)
+    scene = load_scene(arguments.scene, _overrides(arguments))
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     numbers = run_device(
         scene, arguments.board, arguments.link, arguments.play, arguments.duration, lambda address: print(address, file=table, flush=True)

@@ -52,6 +52,7 @@ class LoopRun:
     console: str
     basis_problem: str
     wall_clock_s: dict[str, float]
+    link: dict[str, Any]  # counters of the medium {down, up}, bytes_per_tick, heard_ticks (ticks,): when the host had each tick
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -65,7 +66,7 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
 
     given: `Scene.to_dict`, with what else the core is to be told. start_m: (3,), where the tip is at first.
     """
-    board = hil.BOARDS[scene.sections.board.name]
+    board = hil.BOARDS[scene.sections.board.name].on(scene.sections.link.medium)
     if scene.sections.reference.enabled:
         # One tick of it now: a step that is not stable is refused before the run, not after it.
         with _naming(scene, "reference"):
@@ -75,7 +76,7 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
         results, console = hil.run_closed_loop(core, given, board, bar)
     wall_clock_s = {"run_s": round(time.monotonic() - started_s, 3)}
     counters = {name: results.pop(name) for name in record_layout.RUN_COUNTERS}
-    basis_problem = results.pop("basis_problem")
+    basis_problem, link = results.pop("basis_problem"), results.pop("link")
     if scene.sections.reference.enabled:
         started_s = time.monotonic()
         with progress("reference", "tick") as bar, _naming(scene, "reference"):
@@ -84,12 +85,12 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
             results.update(core.reference(given, time_s, tip_m, bar))
         wall_clock_s["reference_s"] = round(time.monotonic() - started_s, 3)
     values = record.conform(record_layout.RUN, results)
-    return LoopRun(values, counters, console, basis_problem, wall_clock_s)
+    return LoopRun(values, counters, console, basis_problem, wall_clock_s, link)
 
 
 def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
     """RUN_KEYS of a run."""
-    board = hil.BOARDS[scene.sections.board.name]
+    board = hil.BOARDS[scene.sections.board.name].on(scene.sections.link.medium)
     return summary.summarize_run(
         done.values,
         done.counters,
@@ -100,6 +101,8 @@ def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
         wall_clock_s=done.wall_clock_s,
         record_hash=record.record_hash(record_layout.RUN, done.values),
         choice=scene.choice.to_dict() if scene.choice else None,
+        medium=scene.sections.link.medium,
+        busy_ticks={way: done.link[way]["busy_ticks"] for way in ("up", "down")},
     )
 
 

@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -40,6 +40,11 @@ class BoardError(RuntimeError):
     """The board cannot be started, died, or hangs."""
 
 
+# What firmware and host speak on a medium of scenes: an image for each.
+SERIAL = "serial"
+FRAMINGS = {"uart": SERIAL, "usb": SERIAL, "can": "can_classic", "canfd": "can_fd"}
+
+
 @dataclass(frozen=True)
 class BoardType:
     """How a board is started. instructions_per_count: of the firmware's clock; None: it has no such clock.
@@ -50,6 +55,11 @@ class BoardType:
     command: Callable[[Path], list[str]]
     instructions_per_count: int | None
     identify: Callable[[Path], list[str]]
+
+    def on(self, medium: str) -> "BoardType":
+        """The same board with the firmware for a scene's `link.medium`."""
+        framing = FRAMINGS[medium]
+        return self if framing == SERIAL else replace(self, image=self.image.with_stem(f"{self.image.stem}_{framing}"))
 
 
 def _qemu_command(

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core, record_layout
 from palpate.body import Body, vector3
-from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
+from palpate.hil import BOARDS, FRAMINGS, SERIAL, WATCHDOG_S, Board, BoardError
 from palpate.history import History
 from palpate.paths import cache_folder
 from palpate.recorder import Recorder
@@ -105,7 +105,10 @@ class Live:
         self.problem: str | None = None
         self._dict = _for_a_person(scene, path)
         self.triangle_friction: Floats = _core.triangle_friction(self._dict)
-        self._board = None if self.is_attached else Board(BOARDS[board], watchdog_s)
+        medium = scene.sections.link.medium
+        self._board = None if self.is_attached else Board(BOARDS[board].on(medium), watchdog_s)
+        # Of Cyphal/serial frames (host/link/fault_plan.hpp).
+        self.takes_faults = not self.is_attached and FRAMINGS[medium] == SERIAL
         self._triangles = Body(scene).triangles if self.is_attached else None
         self._recorder: Recorder | None = None
         self._before: dict[str, int] = {}  # counters when the recording began
@@ -200,8 +203,8 @@ class Live:
 
     def add_faults(self, direction: str, kind: str, count: int, argument: int = 1) -> None:
         """Of the next `count` frames "down" to the board or "up" to the host: drop, flip_bit (number `argument`), truncate
-        (to `argument` bytes), duplicate or reorder (behind `argument` more)."""
-        if not self.is_attached:
+        (to `argument` bytes), duplicate or reorder (behind `argument` more). No effect on CAN (`takes_faults`)."""
+        if self.takes_faults:
             self._loop.add_faults(direction, kind, argument, count)
 
     def set_host_delay(self, ticks: int) -> None:

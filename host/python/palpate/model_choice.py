@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import board_cost
+from palpate import board_cost, link_rate
 from palpate.model_size import ModelSize, model_size
 from palpate.scene_schema import AUTO, Reader
 from palpate.scene_sections import TICK_S, SceneFile
@@ -235,7 +235,8 @@ def _basis_check(scene: SceneFile, size: ModelSize, given: _Situation) -> list[C
     have = BASIS_SHARE * scene.body.spacing_m / given.speed_m_s * TICKS_PER_SECOND
     baud = 10.0 * TICKS_PER_SECOND * (size.basis_bytes / have + states)
     slower_m_s = given.speed_m_s * have / need
-    cure = f"a link of {baud:,.0f} baud or a tool of {slower_m_s:.3g} m/s would do"
+    link = f"link of {baud:,.0f} baud" if scene.link.medium == "uart" else "faster link"
+    cure = f"a {link} or a tool of {slower_m_s:.3g} m/s would do"
     return [Check("link", "a basis crossing, of the time for a cell of the body", need, have, "ticks", cure)]
 
 
@@ -255,8 +256,10 @@ def _checks(scene: SceneFile, given: _Situation) -> tuple[_Times, list[Check]]:
     have = LINK_SHARE * given.bytes_per_tick * TICKS_PER_SECOND
 
     def faster_link(need: float) -> str:
-        return f"a link of {10.0 * need / LINK_SHARE:,.0f} baud would do"
+        return f"a link of {10.0 * need / LINK_SHARE:,.0f} baud would do" if scene.link.medium == "uart" else "a faster link would do"
 
+    if link_rate.is_shared(scene.link):
+        down = up = down + up
     budget = board_cost.BUDGETS[scene.board.name]
     # Contact stays on the patch from the model's own tick on (docs/decisions/model_choice.md).
     reach = (min(scene.model.patch_nodes[:2]) - 2) / 2.0 * scene.body.spacing_m
@@ -343,7 +346,7 @@ def choose(
     if speed_m_s is None:
         speed_m_s = path_speed_m_s(requested, path)
     given = _Situation(
-        measured.bytes_per_tick if measured else requested.link.baud / 10.0 / TICKS_PER_SECOND,
+        measured.bytes_per_tick if measured else link_rate.bytes_per_tick(requested.link),
         speed_m_s,
         measured.sent_ticks if measured else None,
     )

@@ -13,6 +13,7 @@ from palpate.scene_sections import (
     Contact,
     FrictionRegion,
     Hand,
+    Link,
     LinkFaults,
     Outputs,
     Path,
@@ -57,6 +58,7 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
             scene.link.trace,
             '"full" where model.feedback = "paper": the host repeats the board\'s rendering, to the bit',
         )
+    _check_link(reader, scene.link)
     for way in ("down", "up"):
         _check_link_faults(reader, way, scene.link.faults)
     _check_step(reader, "reference.step_s", scene.reference.step_s)
@@ -328,6 +330,17 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
             list(shifts_Hz),
             f"so few that 3 modes for each of them and of the {face} nodes of a face of the patch, and 12 for each of "
             f"model.middle_shifts_Hz, are at most {MAX_MODES}",
+        )
+
+
+def _check_link(reader: Reader, link: Link) -> None:
+    if link.medium == "canfd" and link.data_bit_rate_Hz < link.bit_rate_Hz:
+        raise reader.error(
+            "link.data_bit_rate_Hz", link.data_bit_rate_Hz, f"in [{link.bit_rate_Hz}, 8000000] bit/s, at least link.bit_rate_Hz"
+        )
+    if link.medium in ("can", "canfd") and link.faults != type(link.faults)():
+        raise reader.problem(
+            "link.faults", f'given together with link.medium = "{link.medium}": they are of Cyphal/serial frames, on "uart" or "usb"'
         )
 
 

@@ -402,9 +402,27 @@ class LinkFaults:
 class Link:
     """The medium between board and host, metered in virtual time."""
 
-    medium: str = key(Choice(("uart",)), "what carries the frames; `uart`: 10 bits a byte", default="uart")
+    medium: str = key(
+        Choice(("uart", "can", "canfd", "usb")),
+        "what carries the frames; `uart`: a serial line in each direction, 10 bits a byte; `can`, `canfd`: a bus that both "
+        "directions share, frame by frame; `usb`: bulk packets at full speed, 19 of 64 bytes a millisecond for both directions; "
+        "`--medium` overrides it",
+        default="uart",
+    )
     baud: int = key(
-        Integer(1200, 20_000_000), "bits per second in each direction", unit="bit/s", default=12_000_000
+        Integer(1200, 20_000_000), "`uart`: bits per second in each direction", unit="bit/s", default=12_000_000
+    )
+    bit_rate_Hz: int = key(
+        Integer(10_000, 1_000_000),
+        "`can`: bits per second; `canfd`: of the arbitration",
+        unit="bit/s",
+        default=1_000_000,
+    )
+    data_bit_rate_Hz: int = key(
+        Integer(10_000, 8_000_000),
+        "`canfd`: bits per second of the data; at least `bit_rate_Hz`",
+        unit="bit/s",
+        default=5_000_000,
     )
     queue_bytes: int = key(
         Integer(32_768, 16_777_216),

@@ -55,6 +55,13 @@ RUN_KEYS = (
     Key(
         "link_bytes_per_s", "bytes/s", "{up, down}: bytes that crossed the link, per second of virtual time"
     ),
+    Key("medium", "", "what carried the link: `link.medium`"),
+    Key(
+        "link_busy_percent",
+        "%",
+        "{up, down}: of the virtual time, that for which the medium carried what it brought, overhead included; on a bus, "
+        "which both directions share, the two together are at most 100",
+    ),
     Key("frames_lost", "", "frames lost or refused on the link, both directions"),
     Key("interpolated_ticks", "ticks", "ticks whose tip position the host had to interpolate"),
     Key("contact_ticks", "ticks", "ticks with contact"),
@@ -302,6 +309,8 @@ def summarize_run(
     record_hash: str,
     wall_clock_s: Mapping[str, float],
     choice: Mapping[str, Any] | None = None,
+    medium: str,
+    busy_ticks: Mapping[str, float],
 ) -> dict[str, Any]:
     """summary.json of a run: exactly the keys of RUN_KEYS. `values` are the datasets of a record, `counters` those of
     RUN_COUNTERS."""
@@ -330,6 +339,10 @@ def summarize_run(
         "link_bytes_per_s": {
             "up": float(values["ticks/link_up_bytes"].sum(dtype=np.int64)) / duration_s,
             "down": float(values["ticks/link_down_bytes"].sum(dtype=np.int64)) / duration_s,
+        },
+        "medium": medium,
+        "link_busy_percent": {
+            way: 100.0 * busy_ticks[way] / (int(values["ticks/tick"][-1]) + 1) for way in ("up", "down")
         },
         "frames_lost": int(counters["frames_lost_up"]) + int(counters["frames_lost_down"]),
         "interpolated_ticks": int(values["updates/interpolated_ticks"].sum(dtype=np.int64)),

@@ -28,6 +28,14 @@ _SIGN_S = 1.0  # between two looks at the tick, for the watchdog
 _SHOW_S = 0.2  # between two lines of the command
 
 
+def _medium_of(address: str) -> str:
+    """Of scenes, the one with this link's framing (docs/links.md)."""
+    kind, _, name = address.partition(":")
+    if kind == "can":
+        return "canfd" if name.endswith(",fd") else "can"
+    return "canfd" if kind == "canfd" else "uart"
+
+
 @dataclass(frozen=True)
 class VirtualDeviceState:
     """The newest tick. tip_m: where the tip is, not what the encoders say; hand_force_N: of the hand on the tool; force_N: that
@@ -51,7 +59,7 @@ class VirtualDevice:
     """A running device. Use as a context manager; any thread. Of the scene it takes [path], [hand] and [device]: the hand
     stays at the path's beginning, or at the arm's reference point where there is none, until play_path() or guide_hand().
 
-    link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port. board: a name in `hil.BOARDS`. Raises SceneError
+    link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port, "can:INTERFACE" or "canfd:INTERFACE" for a CAN bus. board: a name in `hil.BOARDS`. Raises SceneError
     for bad scenes and links, BoardError where the board cannot be started.
     """
 
@@ -67,7 +75,7 @@ class VirtualDevice:
         if values["path"] is None:
             values["path"] = {"interpolation": "minimum_jerk", "time_s": np.zeros(1), "position_m": np.zeros((1, 3))}
         self._dict = values
-        self._board = Board(BOARDS[board], watchdog_s)
+        self._board = Board(BOARDS[board].on(_medium_of(link)), watchdog_s)
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:

@@ -15,6 +15,9 @@ RUN = {
     "./run fuzz TARGET [--runs N]": "fuzz scene --runs 5",
     "./run completion bash": "completion bash",
     "./run run scenes/press.toml --board native": f"run scenes/press.toml {_BRIEF_NATIVE} --out {{out}}",
+    "./run run scenes/press.toml --board native --medium canfd": (
+        f"run scenes/press.toml {_BRIEF_NATIVE} --medium canfd --out {{out}}"
+    ),
     "./run run scenes/press.toml --board native --set model.builder=krylov --out out/krylov": (
         f"run scenes/press.toml {_BRIEF_NATIVE} --set model.builder=krylov --out {{out}}"
     ),

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from synthetic import run_values, sheet_values, simulate_values
 
 from palpate.hil import BoardType
@@ -41,6 +42,11 @@ def run_closed_loop(
         **{path: array for path, array in values.items() if not path.startswith("reference/")},
         **counters,
         "basis_problem": "",
+        "link": {
+            **{way: {"busy_ticks": 0.25 * TICKS} for way in ("down", "up")},
+            "bytes_per_tick": 1200.0,
+            "heard_ticks": np.arange(TICKS) + 1,
+        },
     }
 
 

@@ -540,7 +540,22 @@ BAD = {
         GOOD + '[board]\nname = "arduino"',
         'scene.toml: board.name = "arduino": must be one of "mps2_an386", "mps2_an500", "native"',
     ),
-    "unknown medium": (GOOD + '[link]\nmedium = "can"', 'scene.toml: link.medium = "can": must be "uart"'),
+    "unknown medium": (
+        GOOD + '[link]\nmedium = "lin"',
+        'scene.toml: link.medium = "lin": must be one of "uart", "can", "canfd", "usb"',
+    ),
+    "fast classic CAN": (
+        GOOD + '[link]\nmedium = "can"\nbit_rate_Hz = 2_000_000',
+        "scene.toml: link.bit_rate_Hz = 2000000: must be a whole number in [10000, 1000000] bit/s",
+    ),
+    "data slower than their arbitration": (
+        GOOD + '[link]\nmedium = "canfd"\ndata_bit_rate_Hz = 500_000',
+        "scene.toml: link.data_bit_rate_Hz = 500000: must be in [1000000, 8000000] bit/s, at least link.bit_rate_Hz",
+    ),
+    "faults of serial frames on CAN": (
+        GOOD + '[link]\nmedium = "canfd"\n[link.faults]\ndrop_up = [1]',
+        'scene.toml: link.faults: given together with link.medium = "canfd": they are of Cyphal/serial frames, on "uart" or "usb"',
+    ),
     "unknown trace": (
         GOOD + '[link]\ntrace = "none"',
         'scene.toml: link.trace = "none": must be one of "full", "tip"',

@@ -15,6 +15,7 @@ FLOAT32 = 1e-6
 def summarize(
     values: dict[str, Any], counters: dict[str, int], instructions_per_count: int | None = 5
 ) -> dict[str, Any]:
+    ticks = int(values["ticks/tick"][-1]) + 1
     return summary.summarize_run(
         record.conform(record_layout.RUN, values),
         counters,
@@ -24,6 +25,8 @@ def summarize(
         instructions_per_count=instructions_per_count,
         record_hash="0",
         wall_clock_s={},
+        medium="can",
+        busy_ticks={"up": 0.25 * ticks, "down": 0.125 * ticks},
     )
 
 

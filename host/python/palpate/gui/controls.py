@@ -130,7 +130,7 @@ class Controls:
         changed, index = psim.Combo("builder", BUILDERS.index(app.pending.get("builder", shown["builder"])), BUILDERS)
         if changed:
             app.pending["builder"] = BUILDERS[index]
-        if not app.live.is_attached:  # its link is what it is
+        if not app.live.is_attached and app.live.scene.sections.link.medium == "uart":  # others are what they are
             baud = app.pending.get("baud", shown["baud"])
             bauds = sorted({*BAUDS, baud})
             changed, index = psim.Combo("link", bauds.index(baud), [f"{b / 1e6:g} Mbaud" for b in bauds])
@@ -205,7 +205,7 @@ class Controls:
         _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames", _CLAMP)
         direction = ("down", "up")[self._direction]
         kind = _FAULT_KINDS[self._fault_kind]
-        _button(app, "inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
+        _button(app, "inject", live.takes_faults, lambda: live.add_faults(direction, kind, self._fault_count))
         psim.SameLine()
         changed, unplugged = psim.Checkbox("cable out", app.unplugged)
         if changed:
