@@ -52,6 +52,7 @@ struct MemoryBoard {
   [[nodiscard]] std::uint32_t clock_Hz() const { return kClock_Hz; }
   [[nodiscard]] std::uint32_t first_due_count() const { return kCountPerTick; }
   LinkBuffers& link() { return buffers; }
+  void poll_receive() {}
   void start_transmit() {}
 };
 static_assert(BoardPort<MemoryBoard>);

@@ -9,17 +9,17 @@ function(palpate_bare_metal_link target script)
   set_property(TARGET ${target} APPEND PROPERTY LINK_DEPENDS ${script})
 endfunction()
 
-# palpate_check_image(TARGET FLASH bytes RAM bytes CONTEXTS function... OBJECTS target...): after linking, compares the
+# palpate_check_image(TARGET FLASH bytes RAM bytes CONTEXTS function... [INDIRECT function...] OBJECTS target...): after linking, compares the
 # image with the part's memory and its deepest stack with the reservation (check_image.py); the build fails above either.
-# OBJECTS are all targets whose code the image may contain.
+# OBJECTS are all targets whose code the image may contain, INDIRECT the functions in it that are called through pointers.
 function(palpate_check_image target)
-  cmake_parse_arguments(arg "" "FLASH;RAM" "CONTEXTS;OBJECTS" ${ARGN})
+  cmake_parse_arguments(arg "" "FLASH;RAM" "CONTEXTS;INDIRECT;OBJECTS" ${ARGN})
   set(_script ${PROJECT_SOURCE_DIR}/boards/cmake/check_image.py)
   set(_objects ${arg_OBJECTS})
   list(TRANSFORM _objects REPLACE "(.+)" "$<TARGET_OBJECTS:\\1>")
   add_custom_command(TARGET ${target} POST_BUILD
     COMMAND ${PALPATE_PYTHON} ${_script} --image $<TARGET_FILE:${target}> --compiler ${CMAKE_CXX_COMPILER}
-      --flash ${arg_FLASH} --ram ${arg_RAM} --contexts ${arg_CONTEXTS}
+      --flash ${arg_FLASH} --ram ${arg_RAM} --contexts ${arg_CONTEXTS} --indirect ${arg_INDIRECT}
       --objects ${_objects}
     COMMAND_EXPAND_LISTS VERBATIM)
   set_property(TARGET ${target} APPEND PROPERTY LINK_DEPENDS ${_script})

@@ -4,7 +4,9 @@ Called after linking (bare_metal.cmake). Prints a table; exits 1 with one line f
 symbol that needs a heap or a C++ run-time, and each call whose stack cannot be bounded.
 
 The deepest stack is the sum over the contexts, each of which may interrupt those before it at their deepest, of the
-deepest path through GCC's call graph (-fcallgraph-info=su) plus the exception frame that the processor pushes.
+deepest path through GCC's call graph (-fcallgraph-info=su) plus the exception frame that the processor pushes. A call
+through a pointer may go to any of --indirect; without them it is an error. Weak symbols that nobody defines are asked for and
+not called.
 """
 
 import argparse
@@ -41,7 +43,8 @@ def symbol_of(title: str) -> str:
 class CallGraph:
     """Stack of each function and whom it calls, by symbol. A symbol that two files define keeps its larger stack."""
 
-    def __init__(self, files: list[pathlib.Path], names_of_address: dict[int, list[str]]):
+    def __init__(self, files: list[pathlib.Path], names_of_address: dict[int, list[str]], indirect: set[str]):
+        self.indirect = indirect
         self.stack_bytes: dict[str, int] = {}
         self.calls: dict[str, set[str]] = {}
         self.unbounded: list[str] = []
@@ -54,6 +57,11 @@ class CallGraph:
                 if name not in self.stack_bytes:
                     self.stack_bytes[name] = self.stack_bytes[known[0]]
                     self.calls[name] = self.calls.get(known[0], set())
+
+    def leave_out(self, symbols: set[str]) -> None:
+        """Symbols that are not in the image."""
+        self.stack_bytes |= dict.fromkeys(symbols, 0)
+        self.calls |= {symbol: set() for symbol in symbols}
 
     def _read(self, file: pathlib.Path) -> None:
         for line in file.read_text(encoding="utf-8").splitlines():
@@ -71,6 +79,9 @@ class CallGraph:
         if "__indirect_call" in targets and symbol == RUNS_CONSTRUCTORS:
             targets.discard("__indirect_call")
             targets |= {name for name in self.stack_bytes if name.startswith(CONSTRUCTOR_PREFIX)}
+        elif "__indirect_call" in targets and self.indirect:
+            targets.discard("__indirect_call")
+            targets |= self.indirect
         return targets
 
     def deepest(self, symbol: str, path: tuple[str, ...] = (), known: dict[str, int] | None = None) -> int:
@@ -96,6 +107,12 @@ def output_of(tool: str, *arguments: str) -> list[str]:
     return subprocess.run([tool, *arguments], check=True, capture_output=True, text=True).stdout.splitlines()
 
 
+def weak_references(tool_prefix: str, objects: list[pathlib.Path]) -> set[str]:
+    """Symbols that the objects want and do without."""
+    lines = [line.split() for line in output_of(tool_prefix + "nm", "--undefined-only", *map(str, objects))]
+    return {line[1] for line in lines if len(line) == 2 and line[0] in "wv"}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--image", type=pathlib.Path, required=True)
@@ -103,6 +120,7 @@ def main() -> int:
     parser.add_argument("--flash", type=int, required=True, help="bytes of the part")
     parser.add_argument("--ram", type=int, required=True, help="bytes of the part")
     parser.add_argument("--contexts", nargs="+", required=True, help="entry functions, lowest priority first")
+    parser.add_argument("--indirect", nargs="*", default=[], help="functions that are called through pointers")
     parser.add_argument("--objects", type=pathlib.Path, nargs="+", required=True)
     arguments = parser.parse_args()
     tool_prefix = arguments.compiler.removesuffix("g++")
@@ -116,14 +134,18 @@ def main() -> int:
     problems = [f"section {name} ({size} bytes) is in no budget" for name, size in sizes.items()
                 if name not in FLASH_SECTIONS + RAM_SECTIONS + NO_MEMORY_OF_THE_PART]
     names_of_address: dict[int, list[str]] = {}
+    defined = set()
     for line in output_of(tool_prefix + "nm", "--defined-only", str(arguments.image)):
         address, kind, name = line.split()
+        defined.add(name)
         if kind in "tTwW":
             names_of_address.setdefault(int(address, 16), []).append(name)
     problems += [f"symbol {name}: the firmware has no heap and no C++ run-time"
                  for names in names_of_address.values() for name in names if FORBIDDEN_SYMBOLS.match(name)]
 
-    graph = CallGraph([file.with_suffix(".ci") for file in arguments.objects], names_of_address)
+    graph = CallGraph([file.with_suffix(".ci") for file in arguments.objects], names_of_address,
+                      set(arguments.indirect))
+    graph.leave_out(weak_references(tool_prefix, arguments.objects) - defined)
     depths = {name: graph.deepest(name) for name in arguments.contexts}
     problems += sorted(set(graph.unbounded))
 

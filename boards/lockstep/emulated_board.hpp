@@ -42,13 +42,19 @@ struct ExchangeFrames {
   lockstep::ActuatorFrame actuators{};
 };
 
-template <Platform P>
+// Wire: what the link's bytes in the exchange are (byte_wire.hpp, usb_wire.hpp).
+template <Platform P, class Wire>
 class EmulatedBoard {
  public:
-  EmulatedBoard(P& platform, ExchangeFrames& frames) : platform_(platform), frames_(frames) {
+  EmulatedBoard(P& platform, ExchangeFrames& frames, typename Wire::Hardware& hardware,
+                const std::array<std::uint8_t, 16>& unique_id)
+      : platform_(platform), frames_(frames), wire_(link_, hardware, unique_id) {
     frames_ = {};
     frames_.actuators.magic = lockstep::kActuatorMagic;
   }
+
+  // Before the first tick.
+  void begin() { wire_.begin(); }
 
   // TickPort
   void isr_begin_tick(std::uint32_t tick) {
@@ -62,9 +68,7 @@ class EmulatedBoard {
         sensors.link_length > lockstep::kLinkBytesPerTick) {
       platform_.exit(lockstep::ExitCode::protocol_error);
     }
-    // What does not fit is lost, as on a line whose receiver is too slow.
-    const std::size_t length = std::min<std::size_t>(sensors.link_length, link_.received.free());
-    (void)link_.received.write(std::span(sensors.link).first(length));
+    wire_.isr_receive(std::span(sensors.link).first(sensors.link_length));
     if ((sensors.flags & lockstep::kCrash) != 0) platform_.crash();
     if ((sensors.flags & lockstep::kBurnCycles) != 0) platform_.burn();
   }
@@ -92,7 +96,7 @@ class EmulatedBoard {
     frame.tick_count = report.tick_count;
     frame.busy_count = report.busy_count;
     frame.clock_Hz = report.clock_Hz;
-    frame.link_length = static_cast<std::uint32_t>(link_.transmit.read(frame.link));
+    frame.link_length = static_cast<std::uint32_t>(wire_.isr_transmit(frame.link));
     send();
     if (shutdown) platform_.exit(lockstep::ExitCode::shutdown);
   }
@@ -112,8 +116,15 @@ class EmulatedBoard {
 
   // LinkPort
   firmware::LinkBuffers& link() { return link_; }
+  void poll_receive() {
+    if (platform_.has_plant()) wire_.poll_receive();
+  }
   void start_transmit() {
-    if (!platform_.has_plant()) platform_.transmit(link_);
+    if (platform_.has_plant()) {
+      wire_.start_transmit();
+    } else {
+      platform_.transmit(link_);
+    }
   }
 
   // Processor fault: outputs off. The plant waits for one ActuatorFrame whenever the board runs, so it gets a
@@ -137,6 +148,7 @@ class EmulatedBoard {
   P& platform_;
   ExchangeFrames& frames_;
   firmware::LinkBuffers link_{};
+  Wire wire_;
   std::array<float, 3> setpoint_A_{};
   bool enabled_ = false;
 };

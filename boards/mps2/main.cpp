@@ -2,7 +2,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
+#include "board_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
 #include "boards/lockstep/unique_id.hpp"
 #include "boards/mps2/console.hpp"
@@ -13,9 +15,10 @@
 
 namespace {
 
+using palpate::board::BoardWire;
 using palpate::board::print;
 using palpate::board::print_hex;
-using Board = palpate::board::EmulatedBoard<palpate::board::Mps2Platform>;
+using Board = palpate::board::EmulatedBoard<palpate::board::Mps2Platform, BoardWire>;
 using App = palpate::firmware::App<Board>;
 
 constexpr palpate::firmware::BoardIdentity kIdentity{
@@ -24,6 +27,7 @@ constexpr palpate::firmware::BoardIdentity kIdentity{
 static_assert(palpate::wire::is_node_name(kIdentity.board));
 
 [[gnu::section(".exchange")]] palpate::board::ExchangeFrames exchange_frames;
+[[gnu::section(".exchange")]] BoardWire::Hardware wire_hardware;
 
 // Bases, models in their slots, a waiting state and the tip's history: 109,448 bytes on both boards. The goal
 // of 96 KiB is missed; what it would cost: docs/decisions/larger_part.md.
@@ -114,10 +118,12 @@ void uart1_receive_handler() {
   palpate::board::console_begin();
   platform = &the_platform;
   the_platform.begin();
-  static Board the_board(the_platform, exchange_frames);
+  std::construct_at(&wire_hardware);  // start-up leaves this section as it is
+  static Board the_board(the_platform, exchange_frames, wire_hardware, kIdentity.unique_id);
   static App the_app(the_board, kIdentity, palpate::board::kCatchUp);
   board = &the_board;
   app = &the_app;
+  the_board.begin();
   print_banner();
   the_platform.start_ticks();
   for (;;) {

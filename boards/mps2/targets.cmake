@@ -4,23 +4,30 @@ set(_mps2 ${CMAKE_CURRENT_LIST_DIR})
 set(_script ${CMAKE_CURRENT_BINARY_DIR}/link.ld)
 configure_file(${_mps2}/link.ld.in ${_script} @ONLY)
 
-foreach(_framing ${PALPATE_FRAMINGS})
-  set(_objects palpate_mps2_${_framing})
-  add_library(${_objects} OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp)
-  target_include_directories(${_objects} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
-  target_compile_definitions(${_objects} PRIVATE PALPATE_VERSION="${PROJECT_VERSION}")
-  target_link_libraries(${_objects} PUBLIC palpate_endpoint_${_framing})
-
-  palpate_image_name(${PALPATE_BOARD} ${_framing} _image)
-  add_executable(${_image})
-  set_target_properties(${_image} PROPERTIES SUFFIX .elf LINKER_LANGUAGE CXX)
-  target_link_libraries(${_image} PRIVATE ${_objects})
-  palpate_bare_metal_link(${_image} ${_script})
-  palpate_check_image(${_image}
+# palpate_mps2_firmware(IMAGE OBJECTS WIRE LIB...): the firmware, with what carries the link in lock-step
+# (boards/lockstep/over_*). LIB are the libraries that are its own, those that the budgets look into.
+function(palpate_mps2_firmware image objects wire)
+  add_library(${objects} OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp)
+  target_include_directories(${objects} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/boards/lockstep/${wire})
+  target_compile_definitions(${objects} PRIVATE PALPATE_VERSION="${PROJECT_VERSION}")
+  target_link_libraries(${objects} PUBLIC ${ARGN})
+  add_executable(${image})
+  set_target_properties(${image} PROPERTIES SUFFIX .elf LINKER_LANGUAGE CXX)
+  target_link_libraries(${image} PRIVATE ${objects})
+  palpate_bare_metal_link(${image} ${_script})
+  set(_indirect "")
+  if(palpate_tinyusb IN_LIST ARGN)
+    set(_indirect ${PALPATE_TINYUSB_INDIRECT})
+  endif()
+  palpate_check_image(${image}
     FLASH ${PALPATE_FLASH_BYTES} RAM ${PALPATE_RAM_BYTES}
     # Entry functions by priority: each may interrupt those before it.
     CONTEXTS start_up uart1_receive_handler timer0_handler report_hard_fault
-    OBJECTS ${_objects} palpate_endpoint_${_framing} palpate_firmware palpate_shared)
+    INDIRECT ${_indirect} OBJECTS ${objects} ${ARGN} palpate_firmware palpate_shared)
+endfunction()
+foreach(_framing ${PALPATE_FRAMINGS})
+  palpate_image_name(${PALPATE_BOARD} ${_framing} _image)
+  palpate_mps2_firmware(${_image} palpate_mps2_${_framing} over_bytes palpate_endpoint_${_framing})
 endforeach()
 
 # palpate_mps2_program(NAME SOURCE LIBRARY): an image of its own, NAME_BOARD.elf, that runs without interrupts.

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string_view>
 
+#include "board_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
 #include "boards/lockstep/unique_id.hpp"
 #include "boards/native/platform.hpp"
@@ -12,8 +13,9 @@
 
 namespace {
 
+using palpate::board::BoardWire;
 using palpate::board::NativePlatform;
-using Board = palpate::board::EmulatedBoard<NativePlatform>;
+using Board = palpate::board::EmulatedBoard<NativePlatform, BoardWire>;
 using App = palpate::firmware::App<Board>;
 using palpate::lockstep::ExitCode;
 
@@ -77,7 +79,9 @@ int main(int argc, char** argv) {
   NativePlatform platform =
       lockstep ? NativePlatform::in_lockstep(argv[2], argv[3]) : NativePlatform::on_pseudo_terminal();
   const auto frames = std::make_unique<palpate::board::ExchangeFrames>();
-  const auto the_board = std::make_unique<Board>(platform, *frames);
+  const auto hardware = std::make_unique<BoardWire::Hardware>();
+  const auto the_board = std::make_unique<Board>(platform, *frames, *hardware, kIdentity.unique_id);
+  the_board->begin();
   const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4);
   board = the_board.get();
   install_fault_handler();

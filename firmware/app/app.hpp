@@ -105,6 +105,7 @@ void App<Board>::background() {
   const std::uint32_t begin_count = board_.clock_count();
   const std::uint32_t interrupt_begin_count = interrupt_total_count_.load(std::memory_order_relaxed);
 
+  board_.poll_receive();
   endpoint_.run();
   board_.start_transmit();
 

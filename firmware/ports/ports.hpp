@@ -84,6 +84,8 @@ struct LinkBuffers {
 template <class B>
 concept LinkPort = requires(B& board) {
   { board.link() } -> std::same_as<LinkBuffers&>;
+  // The firmware is about to look at `received`: a driver that no interrupt feeds moves what has come.
+  { board.poll_receive() } -> std::same_as<void>;
   // There may be something new to transmit: a driver that is fed by interrupts starts itself here.
   { board.start_transmit() } -> std::same_as<void>;
 };

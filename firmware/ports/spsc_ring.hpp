@@ -46,14 +46,24 @@ class SpscRing {
   // Consumer. False when the ring is empty.
   bool pop(T& value) { return read({&value, 1}) == 1; }
 
-  // Consumer. Moves at most values.size() elements out and returns how many.
-  std::size_t read(std::span<T> values) {
+  // Consumer. Copies at most values.size() elements, which stay in the ring, and returns how many.
+  std::size_t peek(std::span<T> values) const {
     const std::uint32_t tail = tail_.load(std::memory_order_relaxed);
     const std::uint32_t used = head_.load(std::memory_order_acquire) - tail;
     const std::size_t count = values.size() < used ? values.size() : used;
     std::uint32_t index = tail;
     for (T& value : values.first(count)) value = slots_[index++ & (Capacity - 1)];
-    tail_.store(index, std::memory_order_release);
+    return count;
+  }
+  // Consumer. Drops `count` elements, at most as many as peek() has just found.
+  void skip(std::size_t count) {
+    tail_.store(tail_.load(std::memory_order_relaxed) + static_cast<std::uint32_t>(count),
+                std::memory_order_release);
+  }
+  // Consumer. Moves at most values.size() elements out and returns how many.
+  std::size_t read(std::span<T> values) {
+    const std::size_t count = peek(values);
+    skip(count);
     return count;
   }
 

@@ -35,6 +35,21 @@ TEST(SpscRing, WritesAllOrNothing) {
   EXPECT_EQ(out[2], 3);
 }
 
+TEST(SpscRing, WhatIsPeekedStaysUntilItIsSkipped) {
+  SpscRing<int, 4> ring;
+  EXPECT_TRUE(ring.write(std::array{1, 2, 3}));
+  std::array<int, 2> out{};
+  EXPECT_EQ(ring.peek(out), 2u);
+  EXPECT_EQ(out, (std::array{1, 2}));
+  EXPECT_EQ(ring.size(), 3u);
+  ring.skip(1);
+  EXPECT_TRUE(ring.write(std::array{4, 5}));
+  std::array<int, 8> rest{};
+  EXPECT_EQ(ring.peek(rest), 4u);
+  EXPECT_EQ(rest[0], 2);
+  EXPECT_EQ(rest[3], 5);
+}
+
 // Blocks of every length across the end of the storage, many times round.
 TEST(SpscRing, KeepsOrderAcrossItsEnd) {
   SpscRing<std::uint32_t, 16> ring;

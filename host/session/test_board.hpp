@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 
+#include "boards/lockstep/byte_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
 #include "firmware/app/app.hpp"
 #include "host/session/lockstep_peer.hpp"
@@ -48,12 +49,15 @@ class MemoryPeer final : public LockstepPeer {
   [[nodiscard]] bool has_shut_down() const { return platform_.exited == lockstep::ExitCode::shutdown; }
 
  private:
-  using Board = board::EmulatedBoard<MemoryPlatform>;
+  using Board = board::EmulatedBoard<MemoryPlatform, board::ByteWire>;
+  static constexpr firmware::BoardIdentity kIdentity{"memory", "0", {1}};
   MemoryPlatform platform_;
   std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
-  std::unique_ptr<Board> board_ = std::make_unique<Board>(platform_, *frames_);
-  std::unique_ptr<firmware::App<Board>> app_ = std::make_unique<firmware::App<Board>>(
-      *board_, firmware::BoardIdentity{"memory", "0", {1}}, firmware::kCatchUpCortexM4);
+  board::ByteWire::Hardware hardware_;
+  std::unique_ptr<Board> board_ =
+      std::make_unique<Board>(platform_, *frames_, hardware_, kIdentity.unique_id);
+  std::unique_ptr<firmware::App<Board>> app_ =
+      std::make_unique<firmware::App<Board>>(*board_, kIdentity, firmware::kCatchUpCortexM4);
 };
 
 }  // namespace palpate::host::test

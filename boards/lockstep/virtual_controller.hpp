@@ -1,0 +1,72 @@
+// A USB device controller in software, as TinyUSB wants one (device/dcd.h), on the bus of usb_bus.hpp.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "boards/lockstep/usb_bus.hpp"
+
+namespace palpate::board {
+
+// Transactions that one background run handles: what a full-speed bus carries in 1 ms (19 packets of 64
+// bytes; USB 2.0, table 5-9), and a control transfer beside it.
+inline constexpr std::size_t kUsbTransactionsPerTick = 24;
+
+// One per program, for TinyUSB's drivers are functions. Background context, but where it says interrupt.
+class VirtualController {
+ public:
+  static constexpr std::size_t kEndpoints = 4;
+
+  explicit VirtualController(lockstep::UsbBus& bus);
+  VirtualController(const VirtualController&) = delete;
+  VirtualController& operator=(const VirtualController&) = delete;
+
+  // Interrupt: the records of one tick. Interrupt: what there is for the far end; returns how many bytes.
+  void isr_receive(std::span<const std::uint8_t> records);
+  std::size_t isr_transmit(std::span<std::uint8_t> bytes) { return bus_.from_board.read(bytes); }
+
+  // Handles one record, at most; false: there is none, or no room for its answer. TinyUSB has its event.
+  bool run_one();
+
+  // Damaged records.
+  [[nodiscard]] std::uint32_t records_refused() const { return records_refused_; }
+
+  // TinyUSB's side. Addresses that do not exist are refused.
+  void connect(bool is_connected);
+  bool open(std::uint8_t address, std::uint16_t packet_bytes);
+  void close_all();
+  bool transfer(std::uint8_t address, std::uint8_t* data, std::uint16_t length);
+  void stall(std::uint8_t address);
+  void clear_stall(std::uint8_t address);
+  void wake_host();
+
+ private:
+  // One direction of an endpoint.
+  struct Pipe {
+    std::uint8_t* data = nullptr;  // of TinyUSB's transfer
+    std::uint16_t length = 0;
+    std::uint16_t done = 0;
+    std::uint16_t packet_bytes = 0;  // 0: not open
+    bool armed = false;
+    bool halted = false;
+    bool refusing = false;  // up to the next frame
+    std::uint8_t toggle = 0;
+  };
+
+  Pipe* find(std::uint8_t address);
+  void reset();
+  void handle(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data);
+  void take_setup(std::span<const std::uint8_t> data);
+  void take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle, std::span<const std::uint8_t> data);
+  void give_in(Pipe& pipe, std::uint8_t address);
+  void answer(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data = {});
+  void refuse_rest();
+
+  lockstep::UsbBus& bus_;
+  std::array<std::array<Pipe, 2>, kEndpoints> pipes_{};
+  std::uint32_t records_refused_ = 0;
+};
+
+}  // namespace palpate::board
