@@ -23,6 +23,8 @@ BUILD_HOST = REPOSITORY / os.environ.get("PALPATE_BUILD_HOST", "build/host")
 BUILD_MPS2 = REPOSITORY / os.environ.get("PALPATE_BUILD_MPS2", "build/mps2_an386")
 NATIVE_IMAGE = BUILD_HOST / "boards/native/palpate_native"
 MPS2_IMAGE = BUILD_MPS2 / "boards/mps2_an386/palpate_mps2_an386.elf"
+NATIVE_USB_IMAGE = NATIVE_IMAGE.with_name("palpate_native_usb")
+MPS2_USB_IMAGE = MPS2_IMAGE.with_name("palpate_mps2_an386_usb.elf")
 BUILD_AN500 = REPOSITORY / os.environ.get("PALPATE_BUILD_AN500", "build/mps2_an500")
 AN500_IMAGE = BUILD_AN500 / "boards/mps2_an500/palpate_mps2_an500.elf"
 
@@ -373,8 +375,10 @@ def qemu_command(*arguments: str, icount: str = "shift=3,sleep=off", program_arg
 
 def lockstep_command(board: str) -> list[str]:
     """Starts a board in lock-step; the FIFOs act.fifo and sen.fifo are in the working directory."""
-    if board == "native":
-        return [str(NATIVE_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
+    if board in ("native", "native_usb"):
+        return [str(NATIVE_IMAGE if board == "native" else NATIVE_USB_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
+    if board == "mps2_usb":
+        return qemu_command("-serial", "file:console.txt", image=MPS2_USB_IMAGE)
     if board == "mps2_an500":
         return qemu_command("-serial", "file:console.txt", icount="shift=1,sleep=off", machine="mps2-an500",
                             image=AN500_IMAGE)
@@ -394,7 +398,7 @@ def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int
 
 @contextlib.contextmanager
 def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
-    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500") in `folder`, which must not hold the files of another run."""
+    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500"; "native_usb", "mps2_usb") in `folder`, which must not hold the files of another run."""
     folder.mkdir(exist_ok=True)
     for name in ("act.fifo", "sen.fifo"):
         os.mkfifo(folder / name)
