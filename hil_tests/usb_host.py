@@ -80,13 +80,14 @@ class RecordReader:
 @dataclass
 class Transfer:
     """endpoint: address; 0 is a control transfer with `setup`. data: to the board. length: at most from it. zero_packet: a
-    packet without bytes behind a full last one."""
+    packet without bytes behind a full last one. interval_ticks: between two tries of an interrupt endpoint."""
 
     endpoint: int
     data: bytes = b""
     length: int = 0
     setup: bytes = b""
     zero_packet: bool = False
+    interval_ticks: int = 0
     on_done: Callable[["Transfer"], None] = lambda transfer: None
     status: Status | None = None
     received: bytes = b""
@@ -101,7 +102,7 @@ class _BulkOut:
     def __init__(self, address: int):
         self.address = address
         self.queue: deque[Transfer] = deque()
-        self._toggle = 0
+        self.toggle = 0
         self._waiting = 0  # tokens that are not answered yet
         self._packets: deque[bytes] = deque()
         self._silent = 0
@@ -116,7 +117,7 @@ class _BulkOut:
                 self._packets.append(b"")
         packets = list(self._packets)[:min(room, _PACKETS_AT_ONCE)]
         self._waiting = len(packets)
-        return [Record.encode(OUT_DATA0 + (self._toggle ^ (i & 1)), self.address, packet) for i, packet in enumerate(packets)]
+        return [Record.encode(OUT_DATA0 + (self.toggle ^ (i & 1)), self.address, packet) for i, packet in enumerate(packets)]
 
     def answer(self, record: Record) -> None:
         self._waiting -= 1
@@ -125,7 +126,7 @@ class _BulkOut:
         head = self.queue[0]
         if record.kind == ACK:
             self._silent = 0
-            self._toggle ^= 1
+            self.toggle ^= 1
             head.sent += len(self._packets.popleft())
             if not self._packets:
                 self.queue.popleft().finish(Status.DONE)
@@ -148,24 +149,28 @@ class _BulkIn:
     def __init__(self, address: int):
         self.address = address
         self.queue: deque[Transfer] = deque()
-        self._toggle = 0
+        self.toggle = 0
         self._waiting = 0
         self._early: deque[bytes] = deque()
         self._eager = _LAZY
         self._silent = 0
+        self._rested = 0
 
     def tokens(self, room: int) -> list[bytes]:
         while self.queue and self._early:
             self._take(self._early.popleft())
         count = min(room, self._eager, 2 * _EAGER - self._waiting) if self.queue else 0
+        if self.queue and self.queue[0].interval_ticks:
+            self._rested += 1
+            count = 1 if self._rested % self.queue[0].interval_ticks == 0 else 0
         self._waiting += count
         return [Record.encode(IN, self.address)] * count
 
     def answer(self, record: Record) -> None:
         self._waiting -= 1
         if record.kind in (DATA0, DATA1):
-            assert record.kind == DATA0 + self._toggle, f"endpoint {self.address:#x}: data toggle"
-            self._toggle ^= 1
+            assert record.kind == DATA0 + self.toggle, f"endpoint {self.address:#x}: data toggle"
+            self.toggle ^= 1
             self._silent, self._eager = 0, _EAGER
             if self.queue and not self._early:
                 self._take(record.data)
@@ -302,9 +307,11 @@ class UsbHost:
     def cancel(self, transfer: Transfer) -> None:
         self._pipes[transfer.endpoint].end(transfer, Status.CANCELLED)
 
-    def forget_toggle(self, address: int) -> None:
+    def restart_toggle(self, address: int) -> None:
         """After CLEAR_FEATURE(ENDPOINT_HALT)."""
-        self._pipes.pop(address, None)
+        pipe = self._pipes.get(address)
+        if isinstance(pipe, _BulkOut | _BulkIn):
+            pipe.toggle = 0
 
     def tick(self) -> np.void:
         """One tick of the board; transfers that end in it have ended."""

@@ -6,6 +6,7 @@ device is plugged in; UsbDevice.unplug() pulls it out and plugs it in again.
 
 import collections
 import contextlib
+import select
 import socket
 import struct
 import threading
@@ -13,17 +14,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 # Packet types (usb-redir-protocol.txt of usbredir)
-_HELLO, _DEVICE_CONNECT, _RESET, _INTERFACE_INFO, _ENDPOINT_INFO = 0, 1, 3, 4, 5
-_SET_CONFIGURATION, _GET_CONFIGURATION, _CONFIGURATION_STATUS = 6, 7, 8
-_SET_ALTERNATE, _GET_ALTERNATE, _ALTERNATE_STATUS = 9, 10, 11
-_CANCEL_DATA, _DISCONNECT_ACK = 21, 24
-_CONTROL_DATA, _BULK_DATA = 100, 101
+HELLO, DEVICE_CONNECT, RESET, INTERFACE_INFO, ENDPOINT_INFO = 0, 1, 3, 4, 5
+SET_CONFIGURATION, GET_CONFIGURATION, CONFIGURATION_STATUS = 6, 7, 8
+SET_ALTERNATE, GET_ALTERNATE, ALTERNATE_STATUS = 9, 10, 11
+START_INTERRUPT, STOP_INTERRUPT, INTERRUPT_STATUS = 15, 16, 17
+CANCEL_DATA, DISCONNECT_ACK = 21, 24
+CONTROL_DATA, BULK_DATA, INTERRUPT_DATA = 100, 101, 103
 # Capabilities: version in device_connect, packet sizes in ep_info, 64-bit identifiers, 32-bit bulk lengths
 _CAPABILITIES = 1 << 1 | 1 << 4 | 1 << 5 | 1 << 6
 _VERSION = b"palpate test device"
-_SUCCESS, _CANCELLED, _STALL = 0, 1, 4
-_HIGH_SPEED = 2
-_TYPE_CONTROL, _TYPE_BULK, _TYPE_NONE = 0, 2, 255
+SUCCESS, CANCELLED, INPUT_OUTPUT_ERROR, STALL = 0, 1, 3, 4
+FULL_SPEED, HIGH_SPEED = 1, 2
+TYPE_CONTROL, TYPE_BULK, TYPE_INTERRUPT, TYPE_NONE = 0, 2, 3, 255
 _CONTROL_PACKET_BYTES = 64
 BULK_PACKET_BYTES = 512
 _GET_STATUS, _GET_DESCRIPTOR = 0, 6
@@ -54,7 +56,7 @@ class UsbDevice:
     def __init__(self) -> None:
         self._requests: collections.deque[tuple[int, int, int]] = collections.deque()  # identifier, stream, length
         self._messages: collections.deque[bytes] = collections.deque()
-        self._channel: _Channel | None = None
+        self._channel: Channel | None = None
         self._pulled_out = False
         self.configurations_set = 0
 
@@ -114,7 +116,7 @@ class UsbDevice:
 
     # usbredir
 
-    def serve(self, channel: "_Channel") -> bool:
+    def serve(self, channel: "Channel") -> bool:
         """Until the host hangs up (False) or the device is pulled out (True)."""
         self._channel, self._pulled_out = channel, False
         self._requests.clear()
@@ -129,46 +131,46 @@ class UsbDevice:
         return True
 
     def _handle(self, kind: int, identifier: int, body: bytes) -> None:
-        if kind == _HELLO:
+        if kind == HELLO:
             self._connect()
-        elif kind == _RESET:
+        elif kind == RESET:
             self._requests.clear()
             self._messages.clear()
-        elif kind == _SET_CONFIGURATION:
+        elif kind == SET_CONFIGURATION:
             self.configurations_set += 1
-            self._channel.send(_CONFIGURATION_STATUS, identifier, bytes((_SUCCESS, body[0])))
-        elif kind == _GET_CONFIGURATION:
-            self._channel.send(_CONFIGURATION_STATUS, identifier, bytes((_SUCCESS, 1)))
-        elif kind == _SET_ALTERNATE:
-            self._channel.send(_ALTERNATE_STATUS, identifier, bytes((_SUCCESS, body[0], body[1])))
-        elif kind == _GET_ALTERNATE:
-            self._channel.send(_ALTERNATE_STATUS, identifier, bytes((_SUCCESS, body[0], 0)))
-        elif kind == _CONTROL_DATA:
+            self._channel.send(CONFIGURATION_STATUS, identifier, bytes((SUCCESS, body[0])))
+        elif kind == GET_CONFIGURATION:
+            self._channel.send(CONFIGURATION_STATUS, identifier, bytes((SUCCESS, 1)))
+        elif kind == SET_ALTERNATE:
+            self._channel.send(ALTERNATE_STATUS, identifier, bytes((SUCCESS, body[0], body[1])))
+        elif kind == GET_ALTERNATE:
+            self._channel.send(ALTERNATE_STATUS, identifier, bytes((SUCCESS, body[0], 0)))
+        elif kind == CONTROL_DATA:
             self._control(identifier, body)
-        elif kind == _BULK_DATA:
+        elif kind == BULK_DATA:
             self._bulk(identifier, body)
-        elif kind == _CANCEL_DATA:
+        elif kind == CANCEL_DATA:
             for request in list(self._requests):
                 if request[0] == identifier:
                     self._requests.remove(request)
-                    self._answer_bulk(self.bulk_in, _CANCELLED, request, b"")
-        elif kind != _DISCONNECT_ACK:
+                    self._answer_bulk(self.bulk_in, CANCELLED, request, b"")
+        elif kind != DISCONNECT_ACK:
             raise ValueError(f"usbredir packet of type {kind} with {len(body)} bytes: not one that QEMU needs here")
 
     def _connect(self) -> None:
         # Endpoints are indexed by number, those of direction IN from 16 on.
-        types, sizes = [_TYPE_NONE] * 32, [0] * 32
+        types, sizes = [TYPE_NONE] * 32, [0] * 32
         for index in (0, 16):
-            types[index], sizes[index] = _TYPE_CONTROL, _CONTROL_PACKET_BYTES
+            types[index], sizes[index] = TYPE_CONTROL, _CONTROL_PACKET_BYTES
         for endpoint in (self.bulk_in, self.bulk_out):
             index = (endpoint & 0xF) + (16 if endpoint & _DIRECTION_IN else 0)
-            types[index], sizes[index] = _TYPE_BULK, BULK_PACKET_BYTES
-        self._channel.send(_ENDPOINT_INFO, 0, bytes(types) + bytes(32) + bytes(32) + struct.pack("<32H", *sizes))
+            types[index], sizes[index] = TYPE_BULK, BULK_PACKET_BYTES
+        self._channel.send(ENDPOINT_INFO, 0, bytes(types) + bytes(32) + bytes(32) + struct.pack("<32H", *sizes))
         columns = [bytes([value] + [0] * 31) for value in self.interface_class]
-        self._channel.send(_INTERFACE_INFO, 0, struct.pack("<I", 1) + bytes(32) + b"".join(columns))
+        self._channel.send(INTERFACE_INFO, 0, struct.pack("<I", 1) + bytes(32) + b"".join(columns))
         who = self.identity
-        self._channel.send(_DEVICE_CONNECT, 0,
-                           struct.pack("<BBBBHHH", _HIGH_SPEED, 0, 0, 0, who.vendor, who.product, 0x0100))
+        self._channel.send(DEVICE_CONNECT, 0,
+                           struct.pack("<BBBBHHH", HIGH_SPEED, 0, 0, 0, who.vendor, who.product, 0x0100))
         self.on_plugged_in()
 
     def _control(self, identifier: int, body: bytes) -> None:
@@ -185,9 +187,9 @@ class UsbDevice:
             answer = b"\0\0"
         elif not to_host:  # features, among them CLEAR_FEATURE(ENDPOINT_HALT)
             answer = b""
-        status = _STALL if answer is None else _SUCCESS
+        status = STALL if answer is None else SUCCESS
         answer = (answer or b"")[:length]
-        self._channel.send(_CONTROL_DATA, identifier, struct.pack(
+        self._channel.send(CONTROL_DATA, identifier, struct.pack(
             "<BBBBHHH", endpoint, request, kind, status, value, index, len(answer) if to_host else length) + answer)
 
     def _bulk(self, identifier: int, body: bytes) -> None:
@@ -197,7 +199,7 @@ class UsbDevice:
             self._requests.append(request)
         else:
             self.on_bulk_out(body[10:])
-            self._answer_bulk(endpoint, _SUCCESS, request, b"")
+            self._answer_bulk(endpoint, SUCCESS, request, b"")
 
     def _answer_requests(self) -> None:
         while self._requests and self._messages:
@@ -205,17 +207,17 @@ class UsbDevice:
             length = request[2]
             if len(message) > length:
                 self._messages.appendleft(message[length:])
-            self._answer_bulk(self.bulk_in, _SUCCESS, request, message[:length])
+            self._answer_bulk(self.bulk_in, SUCCESS, request, message[:length])
 
     def _answer_bulk(self, endpoint: int, status: int, request: tuple[int, int, int], data: bytes) -> None:
         identifier, stream, length = request
         if endpoint == self.bulk_in:
             length = len(data)
-        self._channel.send(_BULK_DATA, identifier,
+        self._channel.send(BULK_DATA, identifier,
                            struct.pack("<BBHIH", endpoint, status, length & 0xFFFF, stream, length >> 16) + data)
 
 
-class _Channel:
+class Channel:
     """Packets over a stream socket."""
 
     def __init__(self, stream: socket.socket) -> None:
@@ -224,10 +226,14 @@ class _Channel:
         self._head = struct.Struct("<III")  # until both have said hello
 
     def send_hello(self) -> None:
-        self.send(_HELLO, 0, _VERSION.ljust(64, b"\0") + struct.pack("<I", _CAPABILITIES))
+        self.send(HELLO, 0, _VERSION.ljust(64, b"\0") + struct.pack("<I", _CAPABILITIES))
 
     def send(self, kind: int, identifier: int, body: bytes) -> None:
         self._stream.sendall(self._head.pack(kind, len(body), identifier) + body)
+
+    def has_something(self, longest_s: float) -> bool:
+        """Waits for it. Part of a packet, too: the rest is on its way."""
+        return bool(self._received) or bool(select.select([self._stream], [], [], longest_s)[0])
 
     def receive(self) -> tuple[int, int, bytes] | None:
         """Type, identifier and body of the next packet; None: the host has hung up."""
@@ -238,7 +244,7 @@ class _Channel:
         body = self._take(length)
         if body is None:
             return None
-        if kind == _HELLO:
+        if kind == HELLO:
             (capabilities,) = struct.unpack_from("<I", body, 64)
             if capabilities & _CAPABILITIES != _CAPABILITIES:
                 raise ValueError(f"QEMU's usb-redir lacks capabilities: {capabilities:#x}, needed {_CAPABILITIES:#x}")
@@ -268,7 +274,7 @@ def plugged_in(device: UsbDevice, port: socket.socket) -> Iterator[None]:
             while True:
                 with socket.socket(socket.AF_UNIX) as stream:
                     stream.connect(path)
-                    if not device.serve(_Channel(stream)):
+                    if not device.serve(Channel(stream)):
                         return
         except ConnectionError:  # the guest has ended between two plugs
             return
