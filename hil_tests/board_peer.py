@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.linalg
 import serial
+from link_codec import FORM_FULL, FORM_TIP, LinkCodec, LinkFrame, LinkReader
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 BUILD_HOST = REPOSITORY / os.environ.get("PALPATE_BUILD_HOST", "build/host")
@@ -50,119 +51,8 @@ FAULT_EMERGENCY_STOP, FAULT_STOP_COMMAND, FAULT_ENCODER_JUMP = 1, 2, 8
 # palpate.Command
 ARM_REQUEST, ARM_CONFIRM, DISARM, CALIBRATE, CLEAR_FAULT, STOP = range(1, 7)
 
-# palpate.TraceRequest
-FORM_FULL, FORM_TIP = 0, 1
-
 # A board that does not answer within this has hung: far above what the slowest machine needs for one tick.
 _WATCHDOG_S = 20.0
-
-
-class LinkCodec:
-    """Cyphal/serial frames of single-frame transfers: 00 | COBS(header | payload | CRC-32C) | 00."""
-
-    HOST_NODE, BOARD_NODE, BROADCAST = 10, 42, 0xFFFF
-    SERVO_TRACE, BOARD_STATUS, MODEL_REPORT, BASIS_REPORT, TIP_TRACE = 1600, 1601, 1602, 1603, 1604
-    MODEL_STATE, TRACE_REQUEST, MODEL_PART = 1610, 1611, 1612
-    COMMAND, GET_INFO = 300, 301
-    _HEADER = struct.Struct("<BBHHHQIH")
-
-    @staticmethod
-    def crc16(data: bytes) -> int:
-        """CRC-16/CCITT-FALSE."""
-        crc = 0xFFFF
-        for byte in data:
-            crc ^= byte << 8
-            for _ in range(8):
-                crc = (crc << 1) ^ (0x1021 if crc & 0x8000 else 0)
-        return crc & 0xFFFF
-
-    @staticmethod
-    def crc32c(data: bytes) -> int:
-        crc = 0xFFFFFFFF
-        for byte in data:
-            crc ^= byte
-            for _ in range(8):
-                crc = (crc >> 1) ^ (0x82F63B78 if crc & 1 else 0)
-        return crc ^ 0xFFFFFFFF
-
-    @staticmethod
-    def cobs_encode(data: bytes) -> bytes:
-        out = bytearray()
-        for group in data.split(b"\0"):
-            while len(group) >= 254:
-                out += b"\xff" + group[:254]
-                group = group[254:]
-            out += bytes([len(group) + 1]) + group
-        return bytes(out)
-
-    @staticmethod
-    def cobs_decode(data: bytes) -> bytes:
-        out, at = bytearray(), 0
-        while at < len(data):
-            code = data[at]
-            out += data[at + 1:at + code]
-            at += code
-            if code != 0xFF and at < len(data):
-                out.append(0)
-        return bytes(out)
-
-    @classmethod
-    def encode(cls, specifier: int, transfer_id: int, payload: bytes, destination: int = BOARD_NODE) -> bytes:
-        header = cls._HEADER.pack(1, 4, cls.HOST_NODE, destination, specifier, transfer_id, 0x80000000, 0)
-        header += struct.pack(">H", cls.crc16(header))
-        return b"\0" + cls.cobs_encode(header + payload + struct.pack("<I", cls.crc32c(payload))) + b"\0"
-
-    @classmethod
-    def request(cls, service: int, transfer_id: int, payload: bytes = b"") -> bytes:
-        return cls.encode(0xC000 | service, transfer_id, payload)
-
-    @classmethod
-    def command(cls, transfer_id: int, action: int, token: int = 0) -> bytes:
-        return cls.request(cls.COMMAND, transfer_id, struct.pack("<B3xI", action, token))
-
-    @classmethod
-    def trace_request(cls, transfer_id: int, first_tick: int, count: int, form: int = FORM_FULL, ticks: int = 4) -> bytes:
-        return cls.encode(cls.TRACE_REQUEST, transfer_id, struct.pack("<IHBB", first_tick, count, form, ticks))
-
-
-@dataclass(frozen=True)
-class LinkFrame:
-    """A frame from the board; `port` is the subject or service."""
-
-    port: int
-    transfer_id: int
-    payload: bytes
-    is_response: bool
-
-
-class LinkReader:
-    """Bytes from the board in, frames out; every frame must be good. Not synchronized: all but the first, of which only
-    the end may have arrived."""
-
-    def __init__(self, synchronized: bool = True) -> None:
-        self._buffer = bytearray()
-        self._synchronized = synchronized
-
-    def feed(self, data: bytes) -> list[LinkFrame]:
-        self._buffer += data
-        frames = []
-        while (end := self._buffer.find(0)) >= 0:
-            raw = LinkCodec.cobs_decode(bytes(self._buffer[:end]))
-            del self._buffer[:end + 1]
-            if raw and self._synchronized:
-                frames.append(self._parse(raw))
-            self._synchronized = True
-        return frames
-
-    @staticmethod
-    def _parse(raw: bytes) -> LinkFrame:
-        payload = raw[24:-4]
-        assert LinkCodec.crc16(raw[:22]) == int.from_bytes(raw[22:24], "big"), "header CRC"
-        assert LinkCodec.crc32c(payload) == int.from_bytes(raw[-4:], "little"), "payload CRC"
-        version, _, source, _, specifier, transfer_id, index, _ = LinkCodec._HEADER.unpack(raw[:22])
-        assert (version, source, index) == (1, LinkCodec.BOARD_NODE, 0x80000000)
-        assert specifier < 0xC000, "the board sends no requests"
-        return LinkFrame(specifier & 0x3FFF, transfer_id, payload, bool(specifier & 0x8000))
 
 
 BOARD_STATUS = np.dtype([
