@@ -2,12 +2,17 @@
 (usb_host.py). What a kernel and its drivers make of it: test_usb_guest.py."""
 
 import struct
+import sys
 
 import pytest
 from board_peer import (
     ARM_CONFIRM, ARM_REQUEST, BoardInfo, LinkCodec, LinkReader, MODE_IDLE, MODE_RENDER, MPS2_USB_IMAGE, NATIVE_USB_IMAGE, OK,
+    REPOSITORY,
     parse_status, parse_trace, square_model)
 from usb_host import PACKET_BYTES, SERIAL_IN, SERIAL_OUT, Status, Transfer, UsbError, UsbHost, VENDOR_IN, VENDOR_OUT, usb_board
+
+sys.path.insert(0, str(REPOSITORY / "host/bench"))
+import usb_cost
 
 pytestmark = pytest.mark.skipif(
     not NATIVE_USB_IMAGE.exists() or not MPS2_USB_IMAGE.exists(),
@@ -168,3 +173,12 @@ def test_a_run_repeats_to_the_byte_and_boards_say_the_same(tmp_path):
     first, second, native = once("mps2_usb", 1), once("mps2_usb", 2), once("native_usb", 1)
     assert first == second
     assert len(first[1]) > 40 and first[1] == native[1]
+
+
+def test_what_a_packet_costs_the_board(tmp_path):
+    """Instructions in QEMU, which counts the same every time; docs/links.md has them. A tenth more is room for the compiler's."""
+    cost = usb_cost.measure(tmp_path)
+    print(cost)
+    assert cost["per_packet_sent"] < 1.1 * 2455
+    assert cost["more_per_packet_received"] < 1.1 * 2340
+    assert 0 < cost["background_per_tick_nobody_reads"] - cost["background_per_tick_on_bytes"] < 1.1 * 756

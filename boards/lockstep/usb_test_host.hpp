@@ -163,8 +163,11 @@ class UsbTest : public ::testing::Test {
     ASSERT_EQ(first, (Answer{UsbRecord::data0, firmware::usb::kVendorIn, {}}));
   }
 
-  // What the firmware says.
-  void say(const Bytes& bytes) { ASSERT_TRUE(rig().link.transmit.write(bytes)); }
+  // What the firmware says, in its background.
+  void say(const Bytes& bytes) {
+    ASSERT_TRUE(rig().link.transmit.write(bytes));
+    rig().wire.start_transmit();
+  }
   // As a frame: between delimiters, without others.
   static Bytes frame(std::size_t length, std::uint8_t first = 1) {
     Bytes bytes(length);
@@ -174,6 +177,7 @@ class UsbTest : public ::testing::Test {
   Bytes received() {
     Bytes bytes(4096);
     bytes.resize(rig().link.received.read(bytes));
+    rig().wire.start_transmit();
     return bytes;
   }
   // Sizes of the packets of one transfer, and its bytes.

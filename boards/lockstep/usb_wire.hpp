@@ -27,7 +27,11 @@ class UsbWire {
   std::size_t isr_transmit(std::span<std::uint8_t> bytes) { return controller_.isr_transmit(bytes); }
   // A tick of the bus: what has come is answered as fast as a bus brings it, one transaction after the other.
   void poll_receive() {
-    for (std::size_t i = 0; i < kUsbTransactionsPerTick && controller_.run_one(); ++i) usb_.service();
+    for (std::size_t i = 0; i < kUsbTransactionsPerTick; ++i) {
+      const VirtualController::Step step = controller_.run_one();
+      if (step == VirtualController::Step::none) break;
+      if (step == VirtualController::Step::event) usb_.service();
+    }
     usb_.tick();
   }
   void start_transmit() { usb_.service(); }

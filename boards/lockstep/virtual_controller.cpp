@@ -60,22 +60,22 @@ void VirtualController::isr_receive(std::span<const std::uint8_t> records) {
   if (!bus_.to_board.write(records)) ++bus_.ticks_lost;
 }
 
-bool VirtualController::run_one() {
-  if (bus_.from_board.free() < lockstep::kUsbRecordBytes) return false;
+VirtualController::Step VirtualController::run_one() {
+  if (bus_.from_board.free() < lockstep::kUsbRecordBytes) return Step::none;
   std::array<std::uint8_t, lockstep::kUsbRecordBytes> record;
   const std::size_t there = bus_.to_board.peek(record);
-  if (there == 0) return false;
+  if (there == 0) return Step::none;
   const auto kind = static_cast<UsbRecord>(record[0]);
   const std::uint8_t address = there > 1 ? record[1] : std::uint8_t{0};
   const std::size_t length = there > 2 ? record[2] : 0;
   if (there < lockstep::kUsbHeaderBytes || !is_well_formed(kind, address, length) ||
       there < lockstep::kUsbHeaderBytes + length) {
     refuse_rest();
-    return true;
+    return Step::quiet;
   }
   bus_.to_board.skip(lockstep::kUsbHeaderBytes + length);
-  handle(kind, address, std::span(record).subspan(lockstep::kUsbHeaderBytes, length));
-  return true;
+  const auto data = std::span(record).subspan(lockstep::kUsbHeaderBytes, length);
+  return handle(kind, address, data) ? Step::event : Step::quiet;
 }
 
 // The interrupt publishes the records of a tick at once, so those that are there end where a tick ends.
@@ -97,37 +97,42 @@ void VirtualController::reset() {
   for (Pipe& pipe : pipes_[0]) pipe.packet_bytes = CFG_TUD_ENDPOINT0_SIZE;
 }
 
-void VirtualController::handle(UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data) {
+bool VirtualController::handle(UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data) {
   if (kind == UsbRecord::reset) {
     reset();
-    return dcd_event_bus_reset(kPort, TUSB_SPEED_FULL, false);
+    dcd_event_bus_reset(kPort, TUSB_SPEED_FULL, false);
+    return true;
   }
   if (kind == UsbRecord::unplug) {
     reset();
-    return dcd_event_bus_signal(kPort, DCD_EVENT_UNPLUGGED, false);
+    dcd_event_bus_signal(kPort, DCD_EVENT_UNPLUGGED, false);
+    return true;
   }
-  if (kind == UsbRecord::suspend) return dcd_event_bus_signal(kPort, DCD_EVENT_SUSPEND, false);
-  if (kind == UsbRecord::resume) return dcd_event_bus_signal(kPort, DCD_EVENT_RESUME, false);
+  if (kind == UsbRecord::suspend || kind == UsbRecord::resume) {
+    dcd_event_bus_signal(kPort, kind == UsbRecord::suspend ? DCD_EVENT_SUSPEND : DCD_EVENT_RESUME, false);
+    return true;
+  }
   if (kind == UsbRecord::frame) {
     for (auto& both : pipes_)
       for (Pipe& pipe : both) pipe.refusing = false;
-    return;
+    return false;
   }
   Pipe* const pipe = find(address);
   if (pipe == nullptr) return answer(UsbRecord::silence, address);
   if (kind == UsbRecord::setup) return take_setup(data);
   if (kind == UsbRecord::in) return give_in(*pipe, address);
-  take_out(*pipe, address, kind == UsbRecord::out_data1 ? 1 : 0, data);
+  return take_out(*pipe, address, kind == UsbRecord::out_data1 ? 1 : 0, data);
 }
 
 // Never refused: ends what was on its way on endpoint 0, and its halt.
-void VirtualController::take_setup(std::span<const std::uint8_t> data) {
+bool VirtualController::take_setup(std::span<const std::uint8_t> data) {
   for (Pipe& pipe : pipes_[0]) pipe = {.packet_bytes = CFG_TUD_ENDPOINT0_SIZE, .toggle = 1};
   answer(UsbRecord::ack, 0);
   dcd_event_setup_received(kPort, data.data(), false);
+  return true;
 }
 
-void VirtualController::take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle,
+bool VirtualController::take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle,
                                  std::span<const std::uint8_t> data) {
   if (pipe.halted) return answer(UsbRecord::stall, address);
   if (pipe.refusing || (!pipe.armed && toggle == pipe.toggle)) {
@@ -135,39 +140,41 @@ void VirtualController::take_out(Pipe& pipe, std::uint8_t address, std::uint8_t 
     return answer(UsbRecord::nak, address);
   }
   answer(UsbRecord::ack, address);
-  if (toggle != pipe.toggle) return;  // has come before
+  if (toggle != pipe.toggle) return false;  // has come before
   pipe.toggle ^= 1;
   // What the stack has no room for is lost, as in a controller whose buffer ends.
   const std::size_t room = pipe.length - pipe.done;
   const std::size_t count = std::min(data.size(), room);
   if (count != 0) std::copy_n(data.begin(), count, pipe.data + pipe.done);
-  pipe.done = static_cast<std::uint16_t>(pipe.done + count);
-  if (data.size() < pipe.packet_bytes || pipe.done == pipe.length) {
-    pipe.armed = false;
-    dcd_event_xfer_complete(kPort, address, pipe.done, XFER_RESULT_SUCCESS, false);
-  }
+  return finish(pipe, address, count, data.size() < pipe.packet_bytes);
 }
 
-void VirtualController::give_in(Pipe& pipe, std::uint8_t address) {
+bool VirtualController::give_in(Pipe& pipe, std::uint8_t address) {
   if (pipe.halted) return answer(UsbRecord::stall, address);
   if (!pipe.armed) return answer(UsbRecord::nak, address);
   const std::size_t count = std::min<std::size_t>(pipe.length - pipe.done, pipe.packet_bytes);
   answer(pipe.toggle == 0 ? UsbRecord::data0 : UsbRecord::data1, address, {pipe.data + pipe.done, count});
   pipe.toggle ^= 1;
+  return finish(pipe, address, count, false);
+}
+
+bool VirtualController::finish(Pipe& pipe, std::uint8_t address, std::size_t count, bool is_short) {
   pipe.done = static_cast<std::uint16_t>(pipe.done + count);
-  if (pipe.done == pipe.length) {
-    pipe.armed = false;
-    dcd_event_xfer_complete(kPort, address, pipe.done, XFER_RESULT_SUCCESS, false);
-  }
+  if (!is_short && pipe.done != pipe.length) return false;
+  pipe.armed = false;
+  dcd_event_xfer_complete(kPort, address, pipe.done, XFER_RESULT_SUCCESS, false);
+  return true;
 }
 
 // run_one() has seen to the room for an answer; what TinyUSB says by itself (attach, detach, wake) is rare
 // and short, and fits beside it.
-void VirtualController::answer(UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data) {
-  std::array<std::uint8_t, lockstep::kUsbRecordBytes> record{static_cast<std::uint8_t>(kind), address,
-                                                             static_cast<std::uint8_t>(data.size())};
-  std::copy(data.begin(), data.end(), record.begin() + lockstep::kUsbHeaderBytes);
-  (void)bus_.from_board.write(std::span(record).first(lockstep::kUsbHeaderBytes + data.size()));
+bool VirtualController::answer(UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data) {
+  const std::array<std::uint8_t, lockstep::kUsbHeaderBytes> head{static_cast<std::uint8_t>(kind), address,
+                                                                 static_cast<std::uint8_t>(data.size())};
+  std::array<std::uint8_t, lockstep::kUsbRecordBytes> record;
+  std::copy(data.begin(), data.end(), std::copy(head.begin(), head.end(), record.begin()));
+  (void)bus_.from_board.write(std::span(record).first(head.size() + data.size()));
+  return false;
 }
 
 void VirtualController::connect(bool is_connected) {

@@ -27,8 +27,13 @@ class VirtualController {
   void isr_receive(std::span<const std::uint8_t> records);
   std::size_t isr_transmit(std::span<std::uint8_t> bytes) { return bus_.from_board.read(bytes); }
 
-  // Handles one record, at most; false: there is none, or no room for its answer. TinyUSB has its event.
-  bool run_one();
+  enum class Step : std::uint8_t {
+    none,   // no record, or no room for its answer
+    quiet,  // one that changed nothing, such as a token that was refused
+    event,  // one that TinyUSB has an event of
+  };
+  // Handles one record, at most.
+  Step run_one();
 
   // Damaged records.
   [[nodiscard]] std::uint32_t records_refused() const { return records_refused_; }
@@ -57,11 +62,15 @@ class VirtualController {
 
   Pipe* find(std::uint8_t address);
   void reset();
-  void handle(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data);
-  void take_setup(std::span<const std::uint8_t> data);
-  void take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle, std::span<const std::uint8_t> data);
-  void give_in(Pipe& pipe, std::uint8_t address);
-  void answer(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data = {});
+  // Each returns whether TinyUSB has an event.
+  bool handle(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data);
+  bool take_setup(std::span<const std::uint8_t> data);
+  bool take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle, std::span<const std::uint8_t> data);
+  bool give_in(Pipe& pipe, std::uint8_t address);
+  // After a packet of `count` bytes.
+  bool finish(Pipe& pipe, std::uint8_t address, std::size_t count, bool is_short);
+  // False, for those of the functions above that have nothing else to report: TinyUSB has no event.
+  bool answer(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data = {});
   void refuse_rest();
 
   lockstep::UsbBus& bus_;
