@@ -152,3 +152,26 @@ def test_our_own_messages_come_and_a_node_among_nodes_is_no_fault(application, b
 
     status = on_the_line(application, board[1], exchange)
     assert (status.frames_refused, status.frames_lost, status.last_status) == (0, 0, OK)
+
+
+def test_is_a_master_of_time_for_those_who_have_a_heartbeat(application, board):
+    """Each message says when the one before went out, by the board's ticks; the first, that there was none."""
+    from uavcan.time import Synchronization_1_0
+
+    async def exchange(node):
+        times = node.make_subscriber(Synchronization_1_0)  # its subject is the standard's, 7168
+        heard = []
+        async for message, transfer in times:
+            assert transfer.source_node_id == BOARD
+            heard.append((transfer.transfer_id, message.previous_transmission_timestamp_microsecond))
+            if len(heard) == 4:
+                return heard
+
+    heard = on_the_line(application, board[1], exchange)
+    first = heard[0][0]
+    assert [number - first for number, _ in heard] == [0, 1, 2, 3]
+    spoken_us = [previous_us for number, previous_us in heard if number > 0]
+    assert first > 0 or heard[0][1] == 0
+    assert all(us > 0 and us % 1000 == 0 for us in spoken_us)
+    # Every 500 ticks; a board on a busy computer may miss some.
+    assert all(500_000 <= later - earlier <= 1_000_000 for earlier, later in zip(spoken_us, spoken_us[1:]))

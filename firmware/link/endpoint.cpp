@@ -45,6 +45,7 @@ wire::NodeMode node_mode_of(Mode mode) {
 
 void Endpoint::run() {
   receive();
+  send_time();
   ModelReport report;
   if (renderer_.catch_up(report)) note(report);
   send_model_reports();
@@ -79,7 +80,13 @@ void Endpoint::receive() {
 void Endpoint::dispatch(const wire::Frame& frame) {
   const wire::FrameHeader& header = frame.header;
   if (!wire::addressed_to(header, wire::kBoardNode)) return;  // for another node: none of ours
-  if (wire::is_standard_message(header.specifier)) return;    // heartbeats of others, and the like
+  if (wire::is_standard_message(header.specifier)) {          // heartbeats of others, and the like
+    if (header.specifier == wire::kHeartbeatSubject) {
+      node_seen_ = true;
+      node_seen_tick_ = servo_.next_tick();
+    }
+    return;
+  }
   if (transfers_.observe(header, servo_.next_tick()) == wire::TransferKind::repeat) return;
   Status status = Status::port_unknown;
   switch (header.specifier) {
@@ -279,6 +286,24 @@ void Endpoint::send_heartbeat() {
       // The number of the first fault, from 1.
       .vendor_status = static_cast<std::uint8_t>(faults_ == 0 ? 0 : std::countr_zero(faults_) + 1)};
   (void)send(message, publication<wire::Heartbeat>(heartbeat_transfers_));
+}
+
+// What is handed to the link now goes out with the next tick, if the link is idle; what waits there delays
+// it.
+void Endpoint::send_time() {
+  static_assert(1000 * kServoRate_Hz == 1'000'000);
+  constexpr std::uint64_t kTick_us = 1000;
+  constexpr std::uint32_t kTicks_ms = kServoRate_Hz / 1000;
+  const std::uint32_t tick = servo_.next_tick();
+  if (node_seen_ && tick - node_seen_tick_ > wire::kNodeTimeout_s * kServoRate_Hz) node_seen_ = false;
+  if (!node_seen_) return;
+  const std::uint32_t since = tick - time_tick_;
+  if (time_tick_ != 0 && since < wire::kTimePeriod_ms * kTicks_ms) return;
+  const bool follows = time_tick_ != 0 && since <= wire::kMaxTimePeriod_ms * kTicks_ms;
+  wire::FrameHeader header = publication<wire::TimeSynchronization>(time_transfers_);
+  header.priority = wire::Priority::fast;
+  const bool sent = send(wire::TimeSynchronization{follows ? kTick_us * time_tick_ : 0}, header);
+  time_tick_ = sent ? tick : 0;
 }
 
 std::uint32_t Endpoint::send_trace(std::uint32_t first_tick, std::uint32_t count) {

@@ -70,6 +70,8 @@ class Endpoint {
   void send_replies();
   void send_status();
   void send_heartbeat();
+  // While another node's heartbeat is heard, which every Cyphal node has: for its clock.
+  void send_time();
   void send_traces();
   void send_device_state();
   void resend_traces();
@@ -105,6 +107,10 @@ class Endpoint {
   std::uint64_t trace_transfers_ = 0, tip_transfers_ = 0, device_transfers_ = 0;
   std::uint64_t status_transfers_ = 0, report_transfers_ = 0, basis_transfers_ = 0;
   std::uint64_t heartbeat_transfers_ = 0;  // one a second: the uptime
+  std::uint64_t time_transfers_ = 0;
+  std::uint32_t time_tick_ = 0;       // with which the newest of them went out; 0: none
+  std::uint32_t node_seen_tick_ = 0;  // the newest heartbeat of another node
+  bool node_seen_ = false;
   std::uint32_t trace_sequence_ = 0, status_sequence_ = 0;
   std::uint32_t next_trace_tick_ = 0;
   // As the host asked for it last (palpate.TraceRequest).

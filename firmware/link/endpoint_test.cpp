@@ -63,10 +63,11 @@ class EndpointTest : public ::testing::Test {
   }
 
   // Those received so far; forgets them.
-  std::vector<HostPeer::Received> heartbeats() {
+  std::vector<HostPeer::Received> heartbeats() { return of_subject(wire::kHeartbeatSubject); }
+  std::vector<HostPeer::Received> of_subject(std::uint16_t subject) {
     std::vector<HostPeer::Received> heard;
     std::erase_if(host_.received, [&](const auto& one) {
-      if (one.header.specifier != wire::kHeartbeatSubject) return false;
+      if (one.header.specifier != subject) return false;
       heard.push_back(one);
       return true;
     });
@@ -445,6 +446,32 @@ TEST_F(EndpointTest, HeartbeatsOfOthersAreNoFaultAndMayBeLost) {
   EXPECT_EQ(after.frames_received, 2u);
   EXPECT_EQ(after.frames_refused, 0u);
   EXPECT_EQ(after.frames_lost, 0u);
+}
+
+// Each says with which tick the one before went out; the first, that there was none.
+TEST_F(EndpointTest, TheTimeGoesOutWhileAnotherNodesHeartbeatIsHeard) {
+  ticks(1200);
+  EXPECT_TRUE(of_subject(wire::kTimeSubject).empty());
+  host_.send_bytes(HostPeer::frame(wire::kHeartbeatSubject, 0, std::vector<std::uint8_t>(7)));
+  const std::uint32_t before_tick = servo_->next_tick();
+  ticks(5000);
+  const auto heard = of_subject(wire::kTimeSubject);
+  ASSERT_EQ(heard.size(), 7u);  // from 0 to 3 s
+  std::uint64_t previous_us = 0;
+  for (std::size_t i = 0; i < heard.size(); ++i) {
+    std::uint64_t said_us = 0;
+    for (std::size_t byte = 0; byte < 7; ++byte)
+      said_us |= std::uint64_t{heard[i].payload[byte]} << (8 * byte);
+    EXPECT_EQ(said_us, previous_us);
+    EXPECT_EQ(heard[i].header.transfer_id, i);
+    EXPECT_EQ(heard[i].header.destination, wire::kBroadcast);
+    previous_us = 1000u * (before_tick + 1 + 500 * i);
+  }
+  host_.send_bytes(HostPeer::frame(wire::kHeartbeatSubject, 1, std::vector<std::uint8_t>(7)));
+  ticks(2);
+  const auto again = of_subject(wire::kTimeSubject);
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_EQ(again[0].payload, std::vector<std::uint8_t>(7));  // the one before is too old
 }
 
 TEST_F(EndpointTest, FramesForOthersAreNoBusinessOfOurs) {

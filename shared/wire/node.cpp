@@ -16,6 +16,15 @@ Status serialize(const Heartbeat& message, std::span<std::uint8_t> out, std::siz
 }
 
 template <>
+Status serialize(const TimeSynchronization& message, std::span<std::uint8_t> out, std::size_t& written) {
+  constexpr std::size_t kBytes = MessageTraits<TimeSynchronization>::kMaxBytes;
+  if (out.size() < kBytes) return Status::payload_malformed;
+  for (unsigned i = 0; i < kBytes; ++i) out[i] = static_cast<std::uint8_t>(message.previous_us >> (8 * i));
+  written = kBytes;
+  return Status::ok;
+}
+
+template <>
 Status serialize(const NodeInfo& message, std::span<std::uint8_t> out, std::size_t& written) {
   if (out.size() < MessageTraits<NodeInfo>::kMaxBytes || !is_node_name(message.board))
     return Status::payload_malformed;

@@ -1,4 +1,5 @@
-// What every Cyphal node says of itself: uavcan.node.Heartbeat.1.0, and uavcan.node.GetInfo.1.0 in response.
+// What a Cyphal node says of itself: uavcan.node.Heartbeat.1.0, uavcan.node.GetInfo.1.0 in response, and the
+// time, uavcan.time.Synchronization.1.0.
 //
 // The standard's types, not ours (and not in the schema hash): their layout is fixed, so they are written
 // here without generated code. hil_tests/test_cyphal_node.py holds them against the public definitions.
@@ -40,6 +41,16 @@ struct Heartbeat {
   std::uint8_t vendor_status = 0;
 };
 inline constexpr std::uint32_t kHeartbeatPeriod_s = 1;
+
+// A master says in each of these when the one before went out; 0: there is none, or it is more than a second
+// old. At most a second apart, so that slaves follow: half of it leaves them room.
+struct TimeSynchronization {
+  std::uint64_t previous_us = 0;  // 56 bits
+};
+inline constexpr std::uint32_t kTimePeriod_ms = 500;
+inline constexpr std::uint32_t kMaxTimePeriod_ms = 1000;
+// A node that has sent no heartbeat for so long is gone.
+inline constexpr std::uint32_t kNodeTimeout_s = 3;
 
 struct NodeVersion {
   std::uint8_t major = 0;
@@ -89,12 +100,16 @@ constexpr bool is_node_name(std::string_view board) {
 template <>
 struct MessageTraits<Heartbeat> : BasicMessageTraits<message_specifier(kHeartbeatSubject), 7> {};
 template <>
+struct MessageTraits<TimeSynchronization> : BasicMessageTraits<message_specifier(kTimeSubject), 7> {};
+template <>
 struct MessageTraits<NodeInfo>
     : BasicMessageTraits<response_specifier(kNodeInfoService), 30 + 1 + kMaxNodeName + 1 + 1> {};
 
 // As in messages.hpp. Status::payload_malformed also for a name that is none.
 template <>
 Status serialize(const Heartbeat& message, std::span<std::uint8_t> out, std::size_t& written);
+template <>
+Status serialize(const TimeSynchronization& message, std::span<std::uint8_t> out, std::size_t& written);
 template <>
 Status serialize(const NodeInfo& message, std::span<std::uint8_t> out, std::size_t& written);
 

@@ -47,6 +47,7 @@ TEST(Node, WhatDoesNotFitIsRefused) {
   Bytes out(MessageTraits<NodeInfo>::kMaxBytes);
   std::size_t written = 0;
   EXPECT_EQ(serialize(Heartbeat{}, std::span(out).first(6), written), Status::payload_malformed);
+  EXPECT_EQ(serialize(TimeSynchronization{}, std::span(out).first(6), written), Status::payload_malformed);
   const NodeInfo good{{}, {}, {1}, "mill"};
   EXPECT_EQ(serialize(good, std::span(out).first(out.size() - 1), written), Status::payload_malformed);
   EXPECT_EQ(serialize(NodeInfo{{}, {}, {1}, "Mill"}, out, written), Status::payload_malformed);
@@ -60,6 +61,10 @@ TEST(Node, NamesHaveTheStandardsCharactersAndLength) {
     EXPECT_FALSE(is_node_name(bad)) << bad;
   EXPECT_TRUE(is_node_name(std::string(38, 'x')));
   EXPECT_FALSE(is_node_name(std::string(39, 'x')));
+}
+
+TEST(Node, TheTimeHasSevenBytes) {
+  EXPECT_EQ(to_bytes(TimeSynchronization{0x07060504030201u}), (Bytes{1, 2, 3, 4, 5, 6, 7}));
 }
 
 TEST(Node, VersionsAreReadFromText) {

@@ -26,6 +26,7 @@ inline constexpr std::uint16_t kCommandService = 300;  // palpate.Command
 inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo
 // The standard's own, of any node (node.hpp).
 inline constexpr std::uint16_t kHeartbeatSubject = 7509;  // uavcan.node.Heartbeat
+inline constexpr std::uint16_t kTimeSubject = 7168;       // uavcan.time.Synchronization
 inline constexpr std::uint16_t kNodeInfoService = 430;    // uavcan.node.GetInfo
 
 // The data specifier of a frame header: the kind of transfer and the number of its subject or service.

@@ -18,6 +18,10 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
 nb::dict linear_body(const nb::dict& scene);
 nb::dict compliance_errors(const nb::dict& scene, int node, const nb::list& models, double press_m,
                            const nb::callable& progress);
+// host/bench/link_cost.hpp
+nb::dict medium_limit(const nb::dict& scene, std::uint32_t ticks);
+nb::list host_link_cost(const nb::dict& scene, std::uint32_t rounds);
+nb::list board_link_cost(const nb::dict& scene, int actuator_fd, int sensor_fd, std::uint32_t rounds);
 nb::dict model_cost(const nb::dict& scene, std::uint32_t rounds);
 nb::dict simulate(const nb::dict& scene, const nb::callable& progress);
 nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& tip_m,

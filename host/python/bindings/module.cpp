@@ -19,6 +19,10 @@ NB_MODULE(_core, module) {
   module.def("compliance_errors", &palpate::python::compliance_errors, "scene"_a, "node"_a, "models"_a,
              "press_m"_a, "progress"_a);
   module.def("model_cost", &palpate::python::model_cost, "scene"_a, "rounds"_a);
+  module.def("medium_limit", &palpate::python::medium_limit, "scene"_a, "ticks"_a);
+  module.def("host_link_cost", &palpate::python::host_link_cost, "scene"_a, "rounds"_a);
+  module.def("board_link_cost", &palpate::python::board_link_cost, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
+             "rounds"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
   palpate::python::bind_body(module);

@@ -48,6 +48,18 @@ def model_cost(scene: dict[str, Any], rounds: int) -> dict[str, float]:
     (a product of two 128 x 128 matrices of doubles) and of a model, taking turns; and the time of the first model, with
     what is computed once."""
 
+def medium_limit(scene: dict[str, Any], ticks: int) -> dict[str, float]:
+    """What the scene's medium carries to the board at most, the largest message behind itself for so many ticks of virtual time:
+    {message_bytes_per_s, link_bytes_per_s, busy_share}; link: framing included."""
+
+def host_link_cost(scene: dict[str, Any], rounds: int) -> list[dict[str, Any]]:
+    """Processor time of the host for a message on the scene's link, a row for each kind: {message, message_bytes, link_bytes,
+    to_board, seconds, copy_seconds}; copy: a memcpy of as many bytes, in turn. Medians over rounds of 64."""
+
+def board_link_cost(scene: dict[str, Any], actuator_fd: int, sensor_fd: int, rounds: int) -> list[dict[str, Any]]:
+    """The same of a board that has just been started, with the image for the scene's link: clock_counts in place of times. It is
+    told to end. RuntimeError for one without a clock."""
+
 def linear_body(scene: dict[str, Any]) -> dict[str, Any]:
     """The linear system of the scene's body at rest and without load: mass x'' + damping x' + stiffness x = f.
 

@@ -231,10 +231,16 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
-    bench = add("bench", "measure what local models cost, against the error of the force that they give")
-    bench.add_argument("what", choices=("frontier",), help="frontier: every builder in every experiment, and sweeps")
-    bench.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
-    add_out(bench, "out/frontier")
+    bench = add("bench", "measure what local models cost, against the error of the force that they give, or what links hold")
+    bench.add_argument(
+        "what",
+        choices=("frontier", "links"),
+        help="frontier: every builder in every experiment, and sweeps; links: rates, latencies and costs of every medium",
+    )
+    bench.add_argument(
+        "--quick", action="store_true", help="frontier: two experiments, three builders, no sweeps; links: two media, a small body"
+    )
+    add_out(bench, "out/frontier or out/links")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
@@ -562,7 +568,25 @@ def _device(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _bench_links(arguments: argparse.Namespace) -> int:
+    from palpate.link_bench import command
+
+    folder = _output_folder(arguments, "links")
+    command.check_folder(folder)
+    from palpate import _core
+
+    values = command.bench_links(_core, arguments.quick, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_tables(values), file=table)
+    _print_files(values["files"], table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    return OK
+
+
 def _bench(arguments: argparse.Namespace) -> int:
+    if arguments.what == "links":
+        return _bench_links(arguments)
     from palpate.frontier import command
 
     folder = _output_folder(arguments, "frontier")

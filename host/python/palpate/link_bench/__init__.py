@@ -1,0 +1,1 @@
+"""`palpate bench links`: what every medium holds, how late it is, and what a message costs."""
