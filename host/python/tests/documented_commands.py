@@ -147,6 +147,9 @@ TESTED = {
     ),
     "./run bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
     "./run bench frontier --quick": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
+    "./run bench links": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
+    "./run bench links --quick": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
+    "palpate bench links": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
     "./run bench frontier [--quick] [--json] [--out DIR]": (
         "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints"
     ),
