@@ -24,9 +24,9 @@ BOARDS = {"native_usb": "native", "mps2_usb": "mps2_an386"}
 class Link:
     """Cyphal over one of the board's two functions."""
 
-    def __init__(self, host: UsbHost, out: int = VENDOR_OUT, into: int = VENDOR_IN, patient: bool = True):
+    def __init__(self, host: UsbHost, out: int = VENDOR_OUT, into: int = VENDOR_IN):
         self.host, self.out, self.into = host, out, into
-        self.reader = LinkReader(synchronized=patient)
+        self.reader = LinkReader()
         self.transfers: list[bytes] = []  # received
         self.frames = []
         self.commands = 0
@@ -96,7 +96,7 @@ def test_enumeration(host):
 
 
 def test_a_session_over_bulk_transfers(host):
-    """Who it is, arming, a model with its basis (12 kB), the trace of every tick; a frame a transfer."""
+    """Who it is, arming, a model with its basis (24 kB), the trace of every tick; a frame a transfer."""
     host.configure()
     link = Link(host)
     info = link.info(0)
@@ -120,6 +120,10 @@ def test_a_session_over_bulk_transfers(host):
         _, first, samples = parse_trace(link.wait_for(LinkCodec.SERVO_TRACE).payload)
         ticks |= set(range(first, first + len(samples)))
     assert len(ticks) == max(ticks) - min(ticks) + 1
+    asked = min(ticks) - 20
+    link.send(LinkCodec.trace_request(0, asked, 16))
+    again = link.wait_for(LinkCodec.SERVO_TRACE, accept=lambda one: parse_trace(one.payload)[1] == asked)
+    assert len(parse_trace(again.payload)[2]) == 16
     status = link.status()
     assert (status["models_taken"], status["models_refused"]) == (1, 0)
     assert (status["frames_refused"], status["frames_lost"], status["frames_unsent"]) == (0, 0, 0)

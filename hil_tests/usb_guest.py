@@ -19,8 +19,8 @@ from palpate import BoardLink, BoardState, _core
 ADDRESS = "usb:1209:0001"
 TERMINAL = "/dev/ttyACM0"
 DEADLINE_S = 60.0  # only a failure waits for it
-ROUND_TRIPS = 200
-MEASURED_S = 1.0
+ROUND_TRIPS = 100
+MEASURED_S = 0.5
 STATE_TICK_AT = 12
 PIECE_BYTES = 1024
 

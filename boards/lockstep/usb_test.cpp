@@ -310,13 +310,7 @@ TEST_F(UsbTest, AHaltIsToldAndCleared) {
     EXPECT_TRUE(control({kEndpointOut, kClearFeature, 0, address, 0}));
     EXPECT_FALSE(halted(address));
   }
-  received();
-  // The toggles begin again.
-  EXPECT_EQ(transact(UsbRecord::out_data0, kVendorOut, frame(12)).kind, UsbRecord::ack);
-  EXPECT_EQ(received(), frame(12));
-  say(frame(13));
-  tick();
-  EXPECT_EQ(in(kVendorIn), (Answer{UsbRecord::data0, kVendorIn, frame(13)}));
+  expect_toggles_to_begin_again();
 }
 
 // As libusb_clear_halt() does at the beginning of many programs.
@@ -326,12 +320,7 @@ TEST_F(UsbTest, ClearingAHaltThatIsNoneBeginsTheTogglesAgain) {
   open_vendor();
   for (const std::uint8_t address : {kVendorIn, kVendorOut})
     EXPECT_TRUE(control({kEndpointOut, kClearFeature, 0, address, 0}));
-  received();
-  EXPECT_EQ(transact(UsbRecord::out_data0, kVendorOut, frame(12)).kind, UsbRecord::ack);
-  EXPECT_EQ(received(), frame(12));
-  say(frame(13));
-  tick();
-  EXPECT_EQ(in(kVendorIn), (Answer{UsbRecord::data0, kVendorIn, frame(13)}));
+  expect_toggles_to_begin_again();
 }
 
 TEST_F(UsbTest, HaltingEndpoint0DoesNothing) {

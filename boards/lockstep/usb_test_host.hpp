@@ -174,6 +174,15 @@ class UsbTest : public ::testing::Test {
     for (std::size_t i = 1; i + 1 < length; ++i) bytes[i] = static_cast<std::uint8_t>((first + i) % 255 + 1);
     return bytes;
   }
+  void expect_toggles_to_begin_again() {
+    using firmware::usb::kVendorIn;
+    received();
+    EXPECT_EQ(transact(UsbRecord::out_data0, firmware::usb::kVendorOut, frame(12)).kind, UsbRecord::ack);
+    EXPECT_EQ(received(), frame(12));
+    say(frame(13));
+    tick();
+    EXPECT_EQ(in(kVendorIn), (Answer{UsbRecord::data0, kVendorIn, frame(13)}));
+  }
   Bytes received() {
     Bytes bytes(4096);
     bytes.resize(rig().link.received.read(bytes));
