@@ -65,7 +65,7 @@ def send_model(link: BoardLink, file: Path) -> BoardState:
 
 def a_session(model: Path) -> None:
     """The project's host code over libusb: who it is, a round trip, arming, a model and its fate, traces."""
-    with BoardLink(ADDRESS) as link:
+    with BoardLink(ADDRESS, timeout_s=DEADLINE_S) as link:
         info = link.info()
         print(f"board {info.board}")
         while link.state().mode == "boot":
@@ -111,15 +111,15 @@ def a_port_reset() -> None:
     done = subprocess.run(["usbreset", "1209:0001"], capture_output=True, text=True, check=False)
     print(done.stdout + done.stderr)
     assert done.returncode == 0
-    with BoardLink(ADDRESS) as link:
+    with BoardLink(ADDRESS, timeout_s=DEADLINE_S) as link:
         link.info()
     print("port reset done")
 
 
 def pulled_out_while_it_talks() -> None:
-    for _ in range(2):
+    for time_out in range(1, 3):
         link = open_link()
-        Path("/run/share/unplug").touch()
+        Path(f"/run/share/unplug_{time_out}").touch()
         number, deadline_s = 10, time.monotonic() + DEADLINE_S
         while link.is_open:
             assert time.monotonic() < deadline_s, "pulled out, and the link is open"
@@ -130,7 +130,7 @@ def pulled_out_while_it_talks() -> None:
         del link
         again = open_link()
         del again
-        with BoardLink(ADDRESS) as board:
+        with BoardLink(ADDRESS, timeout_s=DEADLINE_S) as board:
             print(f"back at tick {board.state().tick}: {board.info().board}")
     wait("no terminal after it came again", Path(TERMINAL).exists)
     print("replugged")
