@@ -267,6 +267,8 @@ def lockstep_command(board: str) -> list[str]:
     """Starts a board in lock-step; the FIFOs act.fifo and sen.fifo are in the working directory."""
     if board in ("native", "native_usb"):
         return [str(NATIVE_IMAGE if board == "native" else NATIVE_USB_IMAGE), "--lockstep", "act.fifo", "sen.fifo"]
+    if board.startswith("mps2_can_"):
+        return qemu_command("-serial", "file:console.txt", image=MPS2_IMAGE.with_name(f"palpate_mps2_an386_{board[5:]}.elf"))
     if board == "mps2_usb":
         return qemu_command("-serial", "file:console.txt", image=MPS2_USB_IMAGE)
     if board == "mps2_an500":
@@ -288,7 +290,7 @@ def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int
 
 @contextlib.contextmanager
 def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
-    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500"; "native_usb", "mps2_usb") in `folder`, which must not hold the files of another run."""
+    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500"; "native_usb", "mps2_usb", "mps2_can_classic", "mps2_can_fd") in `folder`, which must not hold the files of another run."""
     folder.mkdir(exist_ok=True)
     for name in ("act.fifo", "sen.fifo"):
         os.mkfifo(folder / name)
