@@ -17,7 +17,7 @@ import palpate
 
 # An emulated processor is some twenty times slower than its host, and models are too old after 256 ticks.
 TICK_s = 16e-3
-_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 _EXTENDED = 1 << 31
 _RECORD_FD = 1 << 30
 _FLAG_FD, _FLAG_BIT_RATE_SWITCH = 1 << 1, 1 << 2
@@ -50,7 +50,7 @@ class RecordReader:
         frames = []
         while len(self._buffer) >= 5:
             word, code = struct.unpack_from("<IB", self._buffer)
-            end = 5 + _LENGTHS[code & 15]
+            end = 5 + LENGTHS[code & 15]
             if len(self._buffer) < end + 2:
                 break
             content, check = self._buffer[:end], self._buffer[end:end + 2]
@@ -119,7 +119,7 @@ class CanBoard(GsUsbAdapter):
             return
         _, identifier, code, _, flags, _ = _FRAME.unpack_from(data)
         self.send(data)  # to the driver: sent
-        payload = data[_FRAME.size:_FRAME.size + _LENGTHS[code]]
+        payload = data[_FRAME.size:_FRAME.size + LENGTHS[code]]
         if identifier & _EXTENDED:
             self._to_board += CanFrame(identifier & ~_EXTENDED, code, bool(flags & _FLAG_FD), payload).record()
 
