@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "host/link/bus_direction.hpp"
 #include "host/link/can_cost.hpp"
-#include "host/link/medium.hpp"
 #include "shared/wire/can_record.hpp"
 
 namespace palpate::link {
@@ -38,26 +38,8 @@ class MeteredCanBus {
   Medium& up() { return up_; }      // board to host
 
  private:
+  friend class BusDirection<MeteredCanBus>;
   static constexpr std::size_t kDirections = 2;
-
-  class Direction final : public Medium {
-   public:
-    Direction(MeteredCanBus& bus, std::size_t index) : bus_(bus), index_(index) {}
-    bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override {
-      return bus_.submit(index_, bytes, tick);
-    }
-    std::vector<std::uint8_t> deliver(std::uint32_t tick) override { return bus_.deliver(index_, tick); }
-    [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override {
-      return bus_.backlog_bytes(index_, tick);
-    }
-    // With full frames, when the other direction is silent.
-    [[nodiscard]] double bytes_per_tick() const override { return bus_.bytes_per_tick(); }
-    [[nodiscard]] MediumCounters counters() const override { return bus_.counters(index_); }
-
-   private:
-    MeteredCanBus& bus_;
-    std::size_t index_;
-  };
 
   struct Record {
     std::size_t direction = 0;
@@ -79,6 +61,7 @@ class MeteredCanBus {
   bool submit(std::size_t direction, std::span<const std::uint8_t> bytes, std::uint32_t tick);
   std::vector<std::uint8_t> deliver(std::size_t direction, std::uint32_t tick);
   [[nodiscard]] std::size_t backlog_bytes(std::size_t direction, std::uint32_t tick) const;
+  // With full frames.
   [[nodiscard]] double bytes_per_tick() const;
   [[nodiscard]] MediumCounters counters(std::size_t direction) const;
 
@@ -92,7 +75,7 @@ class MeteredCanBus {
     std::uint64_t busy_ns = 0;
   };
   std::array<Side, kDirections> sides_;
-  Direction down_{*this, 0}, up_{*this, 1};
+  BusDirection<MeteredCanBus> down_{*this, 0}, up_{*this, 1};
 };
 
 }  // namespace palpate::link

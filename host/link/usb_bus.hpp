@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "host/link/medium.hpp"
+#include "host/link/bus_direction.hpp"
 
 namespace palpate::link {
 
@@ -51,28 +51,8 @@ class MeteredUsbBus {
   Medium& up() { return up_; }      // board to host
 
  private:
+  friend class BusDirection<MeteredUsbBus>;
   static constexpr std::size_t kDirections = 2;
-
-  class Direction final : public Medium {
-   public:
-    Direction(MeteredUsbBus& bus, std::size_t index) : bus_(bus), index_(index) {}
-    bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override {
-      return bus_.submit(index_, bytes, tick);
-    }
-    std::vector<std::uint8_t> deliver(std::uint32_t tick) override { return bus_.deliver(index_, tick); }
-    [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override {
-      return bus_.backlog_bytes(index_, tick);
-    }
-    // When the other direction is silent.
-    [[nodiscard]] double bytes_per_tick() const override {
-      return static_cast<double>(kUsbPacketsPerFrame * kUsbPacketBytes);
-    }
-    [[nodiscard]] MediumCounters counters() const override { return bus_.counters(index_); }
-
-   private:
-    MeteredUsbBus& bus_;
-    std::size_t index_;
-  };
 
   // Times are counted in bytes of the bus, kUsbFrameBytes a tick: whole numbers, no drift.
   struct Transfer {
@@ -101,12 +81,15 @@ class MeteredUsbBus {
   bool submit(std::size_t direction, std::span<const std::uint8_t> bytes, std::uint32_t tick);
   std::vector<std::uint8_t> deliver(std::size_t direction, std::uint32_t tick);
   [[nodiscard]] std::size_t backlog_bytes(std::size_t direction, std::uint32_t tick) const;
+  [[nodiscard]] double bytes_per_tick() const {
+    return static_cast<double>(kUsbPacketsPerFrame * kUsbPacketBytes);
+  }
   [[nodiscard]] MediumCounters counters(std::size_t direction) const;
 
   std::size_t queue_limit_bytes_;
   State state_;
   std::array<Side, kDirections> sides_;
-  Direction down_{*this, 0}, up_{*this, 1};
+  BusDirection<MeteredUsbBus> down_{*this, 0}, up_{*this, 1};
 };
 
 }  // namespace palpate::link
