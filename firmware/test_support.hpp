@@ -68,13 +68,12 @@ class HostPeer {
   };
 
   static std::vector<std::uint8_t> frame(std::uint16_t specifier, std::uint64_t transfer_id,
-                                         std::span<const std::uint8_t> payload) {
+                                         std::span<const std::uint8_t> payload,
+                                         std::uint16_t node = wire::kHostNode) {
     std::vector<std::uint8_t> bytes(wire::max_frame_bytes(payload.size()));
-    bytes.resize(wire::encode_frame({.source = wire::kHostNode,
-                                     .destination = wire::kBoardNode,
-                                     .specifier = specifier,
-                                     .transfer_id = transfer_id},
-                                    payload, bytes));
+    bytes.resize(wire::encode_frame(
+        {.source = node, .destination = wire::kBoardNode, .specifier = specifier, .transfer_id = transfer_id},
+        payload, bytes));
     return bytes;
   }
   template <class Message>
@@ -90,7 +89,7 @@ class HostPeer {
   // Sends a message with the next transfer identifier of this peer.
   template <class Message>
   void send(const Message& message) {
-    send_bytes(frame(wire::MessageTraits<Message>::kSpecifier, transfer_id++, payload(message)));
+    send_bytes(frame(wire::MessageTraits<Message>::kSpecifier, transfer_id++, payload(message), node));
   }
 
   // A model: its basis in pieces, and its state.
@@ -131,6 +130,7 @@ class HostPeer {
 
   std::vector<Received> received;
   std::uint64_t transfer_id = 0;
+  std::uint16_t node = wire::kHostNode;  // who sends from now on
 
  private:
   LinkBuffers& link_;

@@ -25,9 +25,11 @@ namespace palpate::firmware {
 template <BoardPort Board>
 class App {
  public:
-  App(Board& board, const BoardIdentity& identity, const CatchUpPolicy& catch_up_policy)
+  App(Board& board, const BoardIdentity& identity, const CatchUpPolicy& catch_up_policy,
+      const Limits& limits = {})
       : board_(board),
         outputs_(board),
+        limits_(limits),
         renderer_(wire::kSchemaHash, catch_up_policy),
         servo_(device::kPremium15, limits_, static_cast<std::uint32_t>(wire::kSchemaHash), renderer_,
                mailbox_),

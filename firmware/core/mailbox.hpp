@@ -10,6 +10,9 @@
 
 namespace palpate::firmware {
 
+inline constexpr std::uint16_t kNoNode = 0xffff;     // no node has this number (shared/wire/ports.hpp)
+inline constexpr std::uint16_t kManyNodes = 0xfffe;  // models of several
+
 // Who asked: travels with a command and comes back with its reply.
 struct Requester {
   std::uint16_t node = 0;
@@ -56,6 +59,12 @@ struct Mailbox {
       direct_forces;  // background to interrupt, which takes the newest: as palpate.DirectForce
   SpscRing<DeviceSample, 2> device;        // interrupt to background, while it is wanted
   std::atomic<bool> device_wanted{false};  // written by the background
+  // Written by the interrupt: who armed last, and whether that still holds (rendering, or suspended).
+  std::atomic<std::uint16_t> armed_node{kNoNode};
+  std::atomic<bool> is_armed{false};
+  // Written by the background: frames of that node so far, and whose models the renderer has.
+  std::atomic<std::uint32_t> host_frames{0};
+  std::atomic<std::uint16_t> model_node{kNoNode};
 };
 
 }  // namespace palpate::firmware

@@ -60,7 +60,14 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   // A pose that kinematics cannot know has no position, and the supervisor must see that.
   constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
   in.tip_m = pose_known ? pose.tip_m : Vec3f{kUnknown, kUnknown, kUnknown};
-  if (have_tip_ && pose_known) in.tip_speed_m_s = norm(pose.tip_m - tip_m_) / (elapsed * kTick_s);
+  if (have_tip_ && pose_known) {
+    in.tip_step_m = pose.tip_m - tip_m_;
+    in.tip_speed_m_s = norm(in.tip_step_m) / (elapsed * kTick_s);
+  }
+  in.link_age_ticks = link_age_ticks_;
+  // Only a silent link asks for it.
+  if (have_tip_ && pose_known && link_age_ticks_ > limits_.link_silent_ticks)
+    in.tip_velocity_m_s = device::estimated_velocity(device_, pose, estimators_);
   in.inside_workspace = pose.faults == 0;
   in.force_N = sample.force_N;
   in.model_sequence = renderer_.model_sequence();
@@ -91,6 +98,27 @@ void Servo::take_direct_forces(std::uint32_t elapsed_ticks) {
   }
 }
 
+void Servo::listen_to_host(std::uint32_t elapsed_ticks) {
+  const std::uint32_t frames = mailbox_.host_frames.load(std::memory_order_relaxed);
+  const std::uint32_t age = link_age_ticks_ + elapsed_ticks;
+  link_age_ticks_ = age < link_age_ticks_ ? UINT32_MAX : age;
+  if (frames != host_frames_) link_age_ticks_ = 0;
+  host_frames_ = frames;
+}
+
+void Servo::note_who_armed(const Decision& decision, const CommandRequest& request) {
+  const bool was_armed = mailbox_.is_armed.load(std::memory_order_relaxed);
+  const bool is_armed = palpate::firmware::is_armed(decision.state.mode);
+  mailbox_.is_armed.store(is_armed, std::memory_order_relaxed);
+  if (was_armed || !is_armed) return;
+  link_age_ticks_ = 0;
+  mailbox_.armed_node.store(request.requester.node, std::memory_order_relaxed);
+  // A program's force and a model's do not mix, nor models of two hosts: none is waiting when its time comes.
+  const std::uint16_t node = mailbox_.model_node.load(std::memory_order_relaxed);
+  if (decision.state.mode == Mode::direct || (node != kNoNode && node != request.requester.node))
+    renderer_.isr_reset();
+}
+
 ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
   const Vec3f joint_rad = device::joint_angles(device_, sensors.count, reference_count_);
   const device::Pose pose = device::evaluate(device_, joint_rad);
@@ -105,6 +133,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   output.sample = renderer_.isr_tick(timing.tick, rendered_tip_m_);
 
   take_direct_forces(timing.elapsed_ticks);
+  listen_to_host(timing.elapsed_ticks);
   SupervisorInputs in = gather(timing, sensors, pose, output.sample);
   CommandRequest request;
   const bool commanded = mailbox_.commands.pop(request);
@@ -130,8 +159,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
     renderer_.isr_reset();
   }
 
-  // A program's force and a model's do not mix: none is waiting when the other's time comes again.
-  if (decision.state.mode == Mode::direct && state_.mode != Mode::direct) renderer_.isr_reset();
+  note_who_armed(decision, request);
 
   if (commanded) {
     // Never full: it holds twice as many as can be under way.

@@ -75,6 +75,8 @@ class Servo {
                           const ServoSample& sample);
   void update_estimate(const ServoTiming& timing, const ServoSensors& sensors);
   void take_direct_forces(std::uint32_t elapsed_ticks);
+  void listen_to_host(std::uint32_t elapsed_ticks);
+  void note_who_armed(const Decision& decision, const CommandRequest& request);
   void post_device(const ServoTiming& timing, const device::Pose& pose);
   void post(const ServoTiming& timing, const Decision& decision);
   void record_flags(const ServoTiming& timing, const Decision& decision);
@@ -95,6 +97,8 @@ class Servo {
   Vec3f rendered_tip_m_{};                       // likewise, as the renderer was told it
   Vec3f direct_force_N_{};                       // the newest palpate.DirectForce, of the tip on the body
   std::uint32_t direct_age_ticks_ = UINT32_MAX;  // of it; UINT32_MAX: none has come
+  std::uint32_t host_frames_ = 0;                // as the mailbox had them last
+  std::uint32_t link_age_ticks_ = UINT32_MAX;    // since the host that armed was heard
   bool have_counts_ = false;
   bool have_tip_ = false;
   bool status_due_ = true;  // a snapshot that found its ring full is sent later

@@ -5,6 +5,8 @@
 namespace palpate::firmware {
 namespace {
 
+constexpr float kTick_s = 1e-3f;
+
 // Adds without wrapping: an age that has reached its end stays there.
 std::uint32_t saturating_add(std::uint32_t a, std::uint32_t b) {
   const std::uint32_t sum = a + b;
@@ -30,6 +32,10 @@ void enter(SupervisorState& state, Mode mode) {
   state.token = 0;
   state.token_age_ticks = 0;
   state.token_is_direct = false;
+  state.link_was_lost = false;
+  state.soft_start_ticks = 0;
+  state.damping_ticks = 0;
+  state.energy_J = 0.0f;
 }
 
 // Faults of a broken device: whatever the mode.
@@ -39,7 +45,7 @@ FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in,
   if (in.command.action == Action::stop) faults |= bit(Fault::stop_command);
   if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !is_finite(in.direct_force_N) ||
       !finite(in.measured_current_A) || !std::isfinite(in.joint_step_rad) ||
-      !std::isfinite(in.tip_speed_m_s)) {
+      !std::isfinite(in.tip_speed_m_s) || !is_finite(in.tip_step_m) || !is_finite(in.tip_velocity_m_s)) {
     faults |= bit(Fault::not_a_number);
   }
   if (in.joint_step_rad > limits.joint_step_rad) faults |= bit(Fault::encoder_jump);
@@ -56,6 +62,7 @@ FaultSet faults_of_rendering(const SupervisorState& state, const SupervisorInput
   if (norm(state.mode == Mode::direct ? in.direct_force_N : in.force_N) > limits.force_fault_N)
     faults |= bit(Fault::force_implausible);
   if (state.missed_deadline_level > limits.missed_deadline_bucket) faults |= bit(Fault::deadline_missed);
+  if (state.energy_J > limits.energy_J) faults |= bit(Fault::energy_created);
   return faults;
 }
 
@@ -76,6 +83,14 @@ void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const L
   const std::uint32_t missed = in.missed_deadlines < full ? in.missed_deadlines : full;
   level += missed * limits.missed_deadline_weight;
   state.missed_deadline_level = level < full ? level : full;
+}
+
+// The hand has felt -force_N of the last tick on the way from there.
+void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  if (state.mode != Mode::render || !is_finite(in.tip_step_m)) return;
+  const float level_J = state.energy_J - dot(state.force_N, in.tip_step_m) -
+                        limits.energy_leak_W * kTick_s * static_cast<float>(in.elapsed_ticks);
+  state.energy_J = level_J > 0.0f ? level_J : 0.0f;
 }
 
 // The force that the mode asks for, and its limits.
@@ -111,11 +126,21 @@ Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, co
           .fade_ticks = limits.model_fade_ticks};
 }
 
-// How much of it is rendered, 0 to 1: soft start after arming, fading when it is old.
+bool is_fresh(const Wanted& wanted) {
+  return wanted.present && wanted.age_ticks <= wanted.hold_ticks;
+}
+
+bool has_faded(const Wanted& wanted) {
+  return !wanted.present ||
+         (wanted.age_ticks > wanted.hold_ticks && wanted.age_ticks - wanted.hold_ticks >= wanted.fade_ticks);
+}
+
+// How much of it is rendered, 0 to 1: soft start after arming and after a lost link, fading when it is old.
 float force_scale(const SupervisorState& state, const Wanted& wanted, const Limits& limits) {
+  if (state.link_was_lost) return 0.0f;
   float scale = 1.0f;
-  if (state.mode_age_ticks < limits.soft_start_ticks) {
-    scale = static_cast<float>(state.mode_age_ticks) / static_cast<float>(limits.soft_start_ticks);
+  if (state.soft_start_ticks < limits.soft_start_ticks) {
+    scale = static_cast<float>(state.soft_start_ticks) / static_cast<float>(limits.soft_start_ticks);
   }
   if (wanted.age_ticks > wanted.hold_ticks) {
     const std::uint32_t over = wanted.age_ticks - wanted.hold_ticks;
@@ -127,15 +152,27 @@ float force_scale(const SupervisorState& state, const Wanted& wanted, const Limi
   return scale;
 }
 
+// Against the tip's motion: the hand feels the opposite.
+Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
+  Vec3f force_N = limits.damping_N_s_m * in.tip_velocity_m_s;
+  const float magnitude_N = norm(force_N);
+  if (magnitude_N > limits.damping_force_N) force_N *= limits.damping_force_N / magnitude_N;
+  return force_N;
+}
+
 Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
                     const Wanted& wanted) {
-  if (!wanted.present) return {};
-  Vec3f force_N = wanted.force_N;
-  const float magnitude_N = norm(force_N);
-  if (magnitude_N > wanted.peak_N) force_N *= wanted.peak_N / magnitude_N;
-  // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
-  const float scale = force_scale(state, wanted, limits);
-  if (scale != 1.0f) force_N *= scale;
+  Vec3f force_N{};
+  if (state.damping_ticks > 0) {
+    force_N = damping_force(in, limits);
+  } else if (wanted.present) {
+    force_N = wanted.force_N;
+    const float magnitude_N = norm(force_N);
+    if (magnitude_N > wanted.peak_N) force_N *= wanted.peak_N / magnitude_N;
+    // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
+    const float scale = force_scale(state, wanted, limits);
+    if (scale != 1.0f) force_N *= scale;
+  }
   const Vec3f change_N = force_N - state.force_N;
   const float step_N = norm(change_N);
   const float largest_N = wanted.step_N * static_cast<float>(in.elapsed_ticks);
@@ -153,7 +190,7 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
     case Action::stop:  // already among the conditions
       return Status::ok;
     case Action::disarm:
-      if (outputs_on(state.mode)) enter(state, Mode::idle);
+      if (is_armed(state.mode)) enter(state, Mode::idle);
       state.token = 0;
       return Status::ok;
     case Action::arm_request:
@@ -187,6 +224,27 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
   return Status::command_refused;  // a number that is no action
 }
 
+// What a silent link does to rendering: damped, off, and on again when the host that armed is heard and has
+// sent a model. `rendering` as for arming: outputs do not come on while one of these lasts.
+void follow_link(SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
+                 FaultSet rendering) {
+  const Wanted wanted = wanted_force(state, in, limits);
+  const bool silent = in.link_age_ticks > limits.link_silent_ticks;
+  if (state.mode == Mode::render) {
+    if (silent && has_faded(wanted)) {
+      state.link_was_lost = true;
+      state.soft_start_ticks = 0;
+      state.damping_ticks = saturating_add(state.damping_ticks, in.elapsed_ticks);
+      if (state.damping_ticks > limits.damping_ticks) enter(state, Mode::suspended);
+      return;
+    }
+    state.damping_ticks = 0;
+    if (state.link_was_lost && is_fresh(wanted)) state.link_was_lost = false;
+  } else if (state.mode == Mode::suspended && !silent && is_fresh(wanted) && rendering == 0) {
+    enter(state, Mode::render);
+  }
+}
+
 }  // namespace
 
 Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, const Limits& limits,
@@ -201,6 +259,9 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   }
   count_over_current(state, in, limits);
   count_deadlines(state, in, limits);
+  count_energy(state, in, limits);
+  if (outputs_on(state.mode) && !state.link_was_lost)
+    state.soft_start_ticks = saturating_add(state.soft_start_ticks, in.elapsed_ticks);
 
   const FaultSet always = faults_always(state, in, limits);
   const FaultSet rendering = faults_of_rendering(state, in, limits);
@@ -222,11 +283,15 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
       in.direct_age_ticks > limits.direct_lost_ticks)
     enter(state, Mode::idle);
 
+  follow_link(state, in, limits, rendering);
+
   decision.outcome.action = in.command.action;
   decision.outcome.status =
       run_command(state, in, limits, always, rendering, challenge_seed, decision.calibration_begins);
 
-  const FaultSet present = static_cast<FaultSet>(outputs_on(state.mode) ? always | rendering : always);
+  FaultSet present = static_cast<FaultSet>(outputs_on(state.mode) ? always | rendering : always);
+  if (state.mode == Mode::suspended && in.link_age_ticks > limits.link_lost_ticks)
+    present |= bit(Fault::link_lost);
   if (present != 0) {
     if (state.mode != Mode::fault) enter(state, Mode::fault);
     state.faults = static_cast<FaultSet>(state.faults | present);

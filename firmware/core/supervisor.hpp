@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "shared/math/linear.hpp"
@@ -21,10 +22,17 @@ enum class Mode : std::uint8_t {
   render = 3,     // outputs on
   fault = 4,      // outputs off, latched until CLEAR_FAULT
   direct = 5,     // outputs on, with the force of palpate.DirectForce in place of a model's
+  suspended = 6,  // outputs off while the link is lost; goes on by itself when it returns in time
 };
+inline constexpr std::size_t kModes = 7;
 
 constexpr bool outputs_on(Mode mode) {
   return mode == Mode::render || mode == Mode::direct;
+}
+
+// The handshake of arming holds: outputs are on, or may come on without another one.
+constexpr bool is_armed(Mode mode) {
+  return outputs_on(mode) || mode == Mode::suspended;
 }
 
 // Reasons to switch off, bits of BoardStatus.faults: they add up until CLEAR_FAULT. Never renumber them.
@@ -39,6 +47,8 @@ enum class Fault : std::uint16_t {
   over_current = 1u << 6,       // measured by an amplifier
   force_implausible = 1u << 7,  // the model asked for far more than any contact can
   deadline_missed = 1u << 8,    // too many servo ticks came late, while outputs were on
+  link_lost = 1u << 9,          // the host that armed has been silent for too long
+  energy_created = 1u << 10,    // the model's force has given the hand more than any body holds
 };
 
 using FaultSet = std::uint16_t;
@@ -75,8 +85,10 @@ struct Limits {
 
   // Peak force of the device.
   float peak_force_N = 8.5f;
-  // Largest change per tick: 8.5 N in 9 ms. The reference body, 318 N/m stiff, asks for 0.03 N at 0.1 m/s.
-  float force_step_N = 1.0f;
+  // Largest change per tick, whatever the model asks for: 8.5 N in 17 ms, and no fault of the link is felt as
+  // more than that. The reference body, 318 N/m stiff, asks for 0.03 N at 0.1 m/s
+  // (docs/decisions/link_loss.md).
+  float force_step_N = 0.5f;
   // Twelve times the peak: no hand presses so hard; a model that diverges passes it at once.
   float force_fault_N = 100.0f;
 
@@ -84,6 +96,24 @@ struct Limits {
   std::uint32_t model_horizon_ticks = 1000;
   // Beyond the horizon its force fades to zero: slowly enough to feel as weakening, not as a drop.
   std::uint32_t model_fade_ticks = 200;
+
+  // The host that armed says something every 100 ticks at least (docs/protocol.md): two may be lost.
+  std::uint32_t link_silent_ticks = 300;
+  // Of a silent link whose model has faded the tip is only damped: half of what a tip of 0.03 kg takes before
+  // it swings (docs/safety.md has the derivation), and no more than a hand notices as a drag.
+  float damping_N_s_m = 2.0f;
+  float damping_force_N = 1.0f;
+  // Then outputs go off. The arm swings less than a tenth of a second at that damping; the hand has time to
+  // take over its weight.
+  std::uint32_t damping_ticks = 1000;
+  // A link that has been lost for longer does not bring the force back by itself.
+  std::uint32_t link_lost_ticks = 10'000;
+
+  // A leaking bucket of what the model's force gives the hand, less what it takes. A spring pressed to 8.5 N
+  // over 10 cm, four times the reference body's 2.7, gives back 0.43 J; a body that moves by itself may give
+  // 0.5 W for ever.
+  float energy_J = 0.5f;
+  float energy_leak_W = 0.5f;
 
   // Of palpate.DirectForce. Any program may send one, so the limits are closer than a model's: 5 N still
   // stops a hand, and a wall of 1 kN/m met at 0.5 m/s asks for 0.5 N more in each tick.
@@ -130,6 +160,10 @@ struct SupervisorState {
   std::uint32_t missed_deadline_level = 0;  // the bucket
   bool position_trusted = true;             // false after an encoder jump, until a calibration
   Vec3f force_N{};                          // as rendered in the last tick
+  bool link_was_lost = false;               // no force before a fresh model, and that from zero
+  std::uint32_t soft_start_ticks = 0;       // since the force began to rise
+  std::uint32_t damping_ticks = 0;          // in a row
+  float energy_J = 0.0f;                    // the bucket
 
   friend bool operator==(const SupervisorState&, const SupervisorState&) = default;
 };
@@ -148,6 +182,10 @@ struct SupervisorInputs {
   bool inside_workspace = true;
   bool at_rest = true;  // no joint moved by more than calibration_motion_count since calibration began
   std::array<float, 3> measured_current_A{};
+  Vec3f tip_step_m{};        // since the last call; zero where it is not known
+  Vec3f tip_velocity_m_s{};  // estimated between counts
+  // Since the host that armed was heard.
+  std::uint32_t link_age_ticks = 0;
   // Local model.
   Vec3f force_N{};                   // of the tip on the body as the model asks for it
   std::uint32_t model_sequence = 0;  // 0: no model
@@ -175,8 +213,9 @@ struct Decision {
 };
 
 // One servo tick. Outputs are on only in Mode::render and Mode::direct, and only ARM_CONFIRM with the token
-// of a challenge that is at most limits.arming_window_ticks old leads there. Every fault that this tick shows
-// is in the decision of this tick. `challenge_seed` makes tokens differ between boards and boots.
+// of a challenge that is at most limits.arming_window_ticks old leads there, but for one exception: from
+// Mode::suspended, into which only Mode::render leads, back to it. Every fault that this tick shows is in the
+// decision of this tick. `challenge_seed` makes tokens differ between boards and boots.
 Decision supervise(const SupervisorState& state, const SupervisorInputs& inputs, const Limits& limits,
                    std::uint32_t challenge_seed);
 

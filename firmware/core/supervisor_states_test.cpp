@@ -28,7 +28,7 @@ class AllStates : public ::testing::Test {
     limits.boot_ticks = 2;
     limits.arming_window_ticks = 3;
     limits.soft_start_ticks = 2;
-    limits.force_step_N = 8.5f;
+    limits.force_step_N = 20.0f;  // no step is limited: few forces
     limits.model_fade_ticks = 2;
     limits.direct_force_step_N = 5.0f;
     limits.direct_hold_ticks = 2;
@@ -38,6 +38,9 @@ class AllStates : public ::testing::Test {
     limits.over_current_ticks = 2;
     limits.missed_deadline_weight = 2;
     limits.missed_deadline_bucket = 3;
+    limits.link_silent_ticks = 2;
+    limits.damping_ticks = 2;
+    limits.link_lost_ticks = 6;
     return limits;
   }
 
@@ -63,6 +66,10 @@ class AllStates : public ::testing::Test {
     add([](auto& in) { in.elapsed_ticks = 4; });
     add([](auto& in) { in.model_sequence = 0; });
     add([](auto& in) { in.model_age_ticks = 11; });
+    add([](auto& in) { in.link_age_ticks = 3; });
+    add([](auto& in) { in.link_age_ticks = 3, in.model_age_ticks = 20; });
+    add([](auto& in) { in.link_age_ticks = 7, in.model_age_ticks = 20, in.tip_velocity_m_s.x = 0.3f; });
+    add([](auto& in) { in.tip_step_m.z = -1.0f; });
     add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
     add([](auto& in) { in.direct_age_ticks = 9, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
     add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N.x = kNan; });
@@ -71,12 +78,20 @@ class AllStates : public ::testing::Test {
     return all;
   }
 
+  static FaultSet lowest(int faults) { return static_cast<FaultSet>(faults & -faults); }
+
   // Ages beyond all limits make no difference: this keeps the number of states finite.
   static SupervisorState reduced(SupervisorState state) {
     constexpr std::uint32_t kOld = 8;
     state.mode_age_ticks = std::min(state.mode_age_ticks, kOld);
     state.token_age_ticks = std::min(state.token_age_ticks, kOld);
     state.over_current_ticks = std::min(state.over_current_ticks, kOld);
+    // Nor does it make one which faults are latched beside two of them.
+    FaultSet kept = 0;
+    for (int i = 0; i < 2; ++i) kept = static_cast<FaultSet>(kept | lowest(state.faults & ~kept));
+    state.faults = kept;
+    state.soft_start_ticks = std::min(state.soft_start_ticks, small_limits().soft_start_ticks);
+    state.damping_ticks = std::min(state.damping_ticks, small_limits().damping_ticks + 1);
     return state;
   }
 
@@ -84,7 +99,8 @@ class AllStates : public ::testing::Test {
     static auto key(const SupervisorState& s) {
       return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
                              s.token_is_direct, s.over_current_ticks, s.missed_deadline_level,
-                             s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z);
+                             s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z, s.link_was_lost,
+                             s.soft_start_ticks, s.damping_ticks, s.energy_J);
     }
     bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
   };
@@ -96,7 +112,7 @@ TEST_F(AllStates, KeepTheRules) {
   std::set<SupervisorState, Before> seen{SupervisorState{}};
   std::deque<SupervisorState> open{SupervisorState{}};
   std::size_t edges = 0;
-  std::array<bool, 6> mode_seen{};
+  std::array<bool, kModes> mode_seen{};
   while (!open.empty()) {
     const SupervisorState state = open.front();
     open.pop_front();
@@ -124,7 +140,20 @@ TEST_F(AllStates, KeepTheRules) {
         if (decision.outputs_on && outputs_on(state.mode)) {
           ASSERT_EQ(next.mode, state.mode);
         }
-        if (decision.outputs_on && !outputs_on(state.mode)) {
+        // The exception: a link that was lost, whose host is heard and has sent a model.
+        const bool resumes = decision.outputs_on && state.mode == Mode::suspended;
+        if (resumes) {
+          ASSERT_EQ(next.mode, Mode::render);
+          ASSERT_NE(action, Action::disarm);
+          ASSERT_LE(in.link_age_ticks, limits.link_silent_ticks);
+          ASSERT_TRUE(in.model_sequence != 0 && in.model_age_ticks <= in.model_valid_ticks);
+          ASSERT_EQ(next.force_N, Vec3f{});
+        }
+        if (next.mode == Mode::suspended) {
+          ASSERT_TRUE(state.mode == Mode::suspended || state.mode == Mode::render);
+          ASSERT_LE(in.link_age_ticks, limits.link_lost_ticks);
+        }
+        if (decision.outputs_on && !outputs_on(state.mode) && !resumes) {
           ASSERT_EQ(next.mode == Mode::direct, state.token_is_direct);
           ASSERT_TRUE(state.mode == Mode::idle || state.mode == Mode::calibrate || state.mode == Mode::boot);
           ASSERT_EQ(action, Action::arm_confirm);

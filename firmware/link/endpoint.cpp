@@ -41,6 +41,13 @@ wire::NodeMode node_mode_of(Mode mode) {
   return mode == Mode::calibrate ? wire::NodeMode::maintenance : wire::NodeMode::operational;
 }
 
+// What the motions of an armed board depend on.
+bool is_for_the_host_that_armed(std::uint16_t specifier) {
+  return specifier == wire::MessageTraits<palpate_ModelState_1_0>::kSpecifier ||
+         specifier == wire::MessageTraits<palpate_ModelPart_1_0>::kSpecifier ||
+         specifier == wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier;
+}
+
 }  // namespace
 
 void Endpoint::run() {
@@ -88,10 +95,18 @@ void Endpoint::dispatch(const wire::Frame& frame) {
     return;
   }
   if (transfers_.observe(header, servo_.next_tick()) == wire::TransferKind::repeat) return;
+  if (header.source == mailbox_.armed_node.load(std::memory_order_relaxed))
+    mailbox_.host_frames.store(mailbox_.host_frames.load(std::memory_order_relaxed) + 1,
+                               std::memory_order_relaxed);
   Status status = Status::port_unknown;
+  if (is_for_the_host_that_armed(header.specifier) && is_refused_from(header.source)) {
+    refuse(Status::command_refused);
+    return;
+  }
   switch (header.specifier) {
     case wire::MessageTraits<palpate_ModelState_1_0>::kSpecifier: {
       ModelReport report;
+      note_model_of(header.source);
       if (renderer_.accept(frame.payload, report) != Status::ok) note(report);
       send_model_reports();
       return;
@@ -186,7 +201,8 @@ Status Endpoint::take_direct_force(const wire::Frame& frame) {
   const Vec3f force_N{message.force_N[0], message.force_N[1], message.force_N[2]};
   if (!is_finite(force_N)) return Status::payload_malformed;
   // Two programs at once: the one that armed is obeyed.
-  if (frame.header.source != direct_node_) return Status::command_refused;
+  if (frame.header.source != mailbox_.armed_node.load(std::memory_order_relaxed))
+    return Status::command_refused;
   return mailbox_.direct_forces.push(force_N) ? Status::ok : Status::command_refused;
 }
 
@@ -235,8 +251,6 @@ void Endpoint::send_replies() {
   CommandReply reply;
   while (mailbox_.replies.pop(reply)) {
     if (reply.outcome.status != Status::ok) counters_.last_status = reply.outcome.status;
-    if (reply.outcome.action == Action::arm_confirm && reply.outcome.status == Status::ok)
-      direct_node_ = reply.requester.node;
     palpate_Command_Response_1_0 message{};
     message.status = static_cast<std::uint8_t>(reply.outcome.status);
     message.mode = static_cast<std::uint8_t>(reply.mode);
@@ -393,6 +407,19 @@ void Endpoint::resend_traces() {
     std::copy(requests_.begin() + 1, requests_.end(), requests_.begin());
     --request_count_;
   }
+}
+
+bool Endpoint::is_refused_from(std::uint16_t node) const {
+  return mailbox_.is_armed.load(std::memory_order_relaxed) &&
+         node != mailbox_.armed_node.load(std::memory_order_relaxed);
+}
+
+void Endpoint::note_model_of(std::uint16_t node) {
+  const std::uint16_t before = mailbox_.model_node.load(std::memory_order_relaxed);
+  if (before == node) return;
+  // While it is armed the others' have been forgotten, and none comes.
+  const bool alone = before == kNoNode || mailbox_.is_armed.load(std::memory_order_relaxed);
+  mailbox_.model_node.store(alone ? node : kManyNodes, std::memory_order_relaxed);
 }
 
 void Endpoint::refuse(Status status) {

@@ -81,6 +81,9 @@ class Endpoint {
   std::uint32_t send_full_trace(std::uint32_t first_tick, std::uint32_t count);
   std::uint32_t send_tip_trace(std::uint32_t first_tick, std::uint32_t count);
   void refuse(Status status);
+  // Armed by another host, so what this one says is not for it; also while the link of that one is lost.
+  [[nodiscard]] bool is_refused_from(std::uint16_t node) const;
+  void note_model_of(std::uint16_t node);
 
   // False when the frame did not fit in the transmit ring: dropped whole, and counted.
   template <class Message>
@@ -126,7 +129,6 @@ class Endpoint {
   Mode mode_ = Mode::boot;
   FaultSet faults_ = 0;
   // Of a board as a plain device.
-  std::uint16_t direct_node_ = wire::kBroadcast;  // who armed it last; none
   std::uint32_t next_device_tick_ = 0;
 
   // Scratch; too large for the stack. One trace at a time.

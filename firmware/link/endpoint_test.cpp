@@ -353,6 +353,58 @@ TEST_F(EndpointTest, BadModelsAreRefusedCountedReportedAndHarmless) {
   expect_refused(message, Status::model_too_old);
 }
 
+TEST_F(EndpointTest, AnotherHostIsNotObeyedWhileItIsArmed) {
+  constexpr std::uint16_t kOther = 11;
+  ticks(50);
+  host_.send(test::square_model(1, 49, {0, 0, -0.002f}));
+  ticks(20);
+  const auto challenge = command(palpate_Command_Request_1_0_ARM_REQUEST);
+  ASSERT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token).status, 0);
+  const auto before = endpoint_->counters();
+  host_.node = kOther;
+  host_.send(
+      test::square_model(7, timing_.tick - 1, {0, 0, -0.002f}));  // a piece of its basis, and its state
+  host_.send(trace_request(0, 0, palpate_TraceRequest_1_0_FORM_TIP, 8));
+  ticks(20);
+  EXPECT_EQ(renderer_->model_sequence(), 1u);
+  EXPECT_EQ(endpoint_->counters().models_taken, before.models_taken);
+  EXPECT_GE(endpoint_->counters().frames_refused, before.frames_refused + 3);
+  EXPECT_EQ(endpoint_->counters().last_status, Status::command_refused);
+  EXPECT_EQ(status().trace_form, palpate_TraceRequest_1_0_FORM_FULL);
+  // Nor is what it says a sign of life of the one that has armed.
+  for (std::uint32_t i = 0; i < 5000 && mailbox_.is_armed; ++i) {
+    host_.send(trace_request(0, 0));
+    ticks(1);
+    if (status().mode == palpate_BoardStatus_1_0_MODE_SUSPENDED) break;
+  }
+  EXPECT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_SUSPENDED);
+  // Everybody may switch off; a response goes to who asked.
+  host_.send(palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_DISARM});
+  ticks(2);
+  EXPECT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_IDLE);
+}
+
+TEST_F(EndpointTest, ModelsOfAnotherHostAreForgottenAtArming) {
+  ticks(50);
+  host_.send(test::square_model(1, 49, {0, 0, -0.002f}));
+  ticks(20);
+  ASSERT_EQ(renderer_->model_sequence(), 1u);
+  host_.node = 11;
+  palpate_Command_Request_1_0 request{};
+  request.action = palpate_Command_Request_1_0_ARM_REQUEST;
+  host_.send(request);
+  ticks(2);
+  request.action = palpate_Command_Request_1_0_ARM_CONFIRM;
+  request._token = host_.take<palpate_Command_Response_1_0>().back()._token;
+  host_.send(request);
+  ticks(2);
+  ASSERT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_RENDER);
+  EXPECT_EQ(renderer_->model_sequence(), 0u);
+  host_.send(test::square_model(2, timing_.tick - 1, {0, 0, -0.002f}));
+  ticks(20);
+  EXPECT_EQ(renderer_->model_sequence(), 2u);
+}
+
 TEST_F(EndpointTest, CorruptFramesAreCountedAndCostOnlyThemselves) {
   ticks(limits_.boot_ticks);
   auto bad = HostPeer::frame(wire::request_specifier(wire::kGetInfoService), 1, {});

@@ -45,6 +45,7 @@ constexpr double kMost_ticks = 32.0;  // from one state to the next (palpate.Tra
 constexpr double kMost_N = 1e6;       // of a force that is meant
 
 static_assert(PALPATE_MODE_DIRECT == palpate_BoardStatus_1_0_MODE_DIRECT);
+static_assert(PALPATE_MODE_SUSPENDED == palpate_BoardStatus_1_0_MODE_SUSPENDED);
 static_assert(PALPATE_MODE_FAULT == palpate_BoardStatus_1_0_MODE_FAULT);
 
 // What a call ends with when it does not end well.
@@ -53,7 +54,7 @@ struct Problem {
   std::string text;
 };
 
-constexpr const char* kModes[] = {"boot", "idle", "calibrate", "render", "fault", "direct"};
+constexpr const char* kModes[] = {"boot", "idle", "calibrate", "render", "fault", "direct", "suspended"};
 
 std::string mode_name(std::uint8_t mode) {
   return mode < std::size(kModes) ? kModes[mode] : std::to_string(mode);

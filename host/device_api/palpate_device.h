@@ -47,7 +47,8 @@ enum {
   PALPATE_MODE_CALIBRATE = 2, /* outputs off */
   PALPATE_MODE_RENDER = 3,    /* outputs on, for a body of palpate's own */
   PALPATE_MODE_FAULT = 4,     /* outputs off until palpate_device_clear_fault() */
-  PALPATE_MODE_DIRECT = 5     /* outputs on, with the forces of this library */
+  PALPATE_MODE_DIRECT = 5,    /* outputs on, with the forces of this library */
+  PALPATE_MODE_SUSPENDED = 6  /* outputs off while the link of a host that renders a body is lost */
 };
 
 typedef struct palpate_device_info {

@@ -3,10 +3,10 @@
 namespace palpate::host {
 namespace {
 
-// It renders, be it for another program, or a person has to look after it.
+// It renders, be it for another program, or goes on by itself, or a person has to look after it.
 bool needs_no_arming(std::uint8_t mode) {
   return mode == palpate_BoardStatus_1_0_MODE_RENDER || mode == palpate_BoardStatus_1_0_MODE_DIRECT ||
-         mode == palpate_BoardStatus_1_0_MODE_FAULT;
+         mode == palpate_BoardStatus_1_0_MODE_SUSPENDED || mode == palpate_BoardStatus_1_0_MODE_FAULT;
 }
 
 }  // namespace

@@ -22,6 +22,11 @@ ClosedLoopConfig for_a_board(ClosedLoopConfig config, const link::Transport& lin
 }
 
 constexpr double kTicksPerS = 1000.0;
+
+bool is_armed(const std::optional<palpate_BoardStatus_1_0>& status) {
+  return status && (status->mode == palpate_BoardStatus_1_0_MODE_RENDER ||
+                    status->mode == palpate_BoardStatus_1_0_MODE_SUSPENDED);
+}
 // Where the link's rate is not known: USB full speed and UDP bring about a megabyte a second.
 constexpr double kUnknownBytesPerTick = 1000.0;
 
@@ -88,22 +93,20 @@ void AttachedLoop::leave() {
     (void)link_->write(host_.disarm().bytes);
     host_.receive(link_->read(kLeaveAgain), clock_.tick(now_s()));
     const auto& status = host_.board_status();
-    armed_ = !status || status->mode == palpate_BoardStatus_1_0_MODE_RENDER;
+    armed_ = !status || is_armed(status);
   }
   link_.reset();  // for whoever opens it next
 }
 
 void AttachedLoop::begin_anew() {
   host_.begin_anew();
-  armed_ = false;
   newest_model_ = {};
   fed_tick_.reset();
 }
 
 // It renders for a host that has gone, or for another one: nobody here has armed it.
 void AttachedLoop::disarm_a_foundling() {
-  const auto& status = host_.board_status();
-  if (armed_ || !status || status->mode != palpate_BoardStatus_1_0_MODE_RENDER) return;
+  if (armed_ || !is_armed(host_.board_status())) return;
   if (Clock::now() - disarmed_ < kReopenAfter) return;
   disarmed_ = Clock::now();
   (void)link_->write(host_.disarm().bytes);
@@ -166,8 +169,10 @@ bool AttachedLoop::open_again() {
 
 void AttachedLoop::take(const palpate_ServoTrace_1_0& trace) {
   // It was sent after its last tick; one that was asked for again is older, and says nothing new of the time.
-  if (clock_.hear(trace.first_tick + static_cast<std::uint32_t>(trace.samples.count), heard_at_s_))
+  if (clock_.hear(trace.first_tick + static_cast<std::uint32_t>(trace.samples.count), heard_at_s_)) {
     begin_anew();
+    armed_ = false;
+  }
   const auto& status = host_.board_status();
   for (std::uint32_t i = 0; i < trace.samples.count; ++i) {
     const palpate_ServoSample_1_0& sample = trace.samples.elements[i];

@@ -34,8 +34,8 @@ struct AttachedSetup {
 };
 
 // A board that renders though this loop has not armed it, for a host that has gone, is disarmed. A link that
-// goes is opened again as soon as it is there; a board that has started again is served as a new one, and
-// waits to be armed.
+// goes is opened again as soon as it is there, and a board that has waited for it goes on (docs/safety.md); a
+// board that has started again is served as a new one, and waits to be armed.
 class AttachedLoop {
  public:
   // Opens the link. Throws TransportError, and what LoopHost throws.

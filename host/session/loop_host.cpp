@@ -108,7 +108,18 @@ std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t 
     send_piece(static_cast<std::size_t>(std::clamp(blocks, 1.0, static_cast<double>(kMostBlocks))), tick,
                frames);
   }
+  add_sign_of_life(tick, frames);
   return frames;
+}
+
+void LoopHost::add_sign_of_life(std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
+  if (!frames.empty()) sent_tick_ = tick;
+  if (!board_status_ || busy_ticks(tick) > kLongestUpdate_ticks) return;
+  const auto mode = static_cast<firmware::Mode>(board_status_->mode);
+  if (!firmware::is_armed(mode) || mode == firmware::Mode::direct) return;
+  if (tick - sent_tick_ < kSignOfLife_ticks) return;
+  sent_tick_ = tick;
+  frames.push_back(endpoint_.encode(traces_.request({})));
 }
 
 void LoopHost::take_model(std::optional<ModelUpdate> update, std::vector<link::OutgoingFrame>& frames) {

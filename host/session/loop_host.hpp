@@ -92,12 +92,18 @@ class LoopHost {
   ClosedLoopResult finish(std::vector<LoopTick> recorded);
 
  private:
+  // A board that renders hears something this often, or takes its link for lost (docs/safety.md); not of a
+  // session that computes for longer than the other.
+  static constexpr std::uint32_t kSignOfLife_ticks = 100;
+  static constexpr std::uint32_t kLongestUpdate_ticks = 1000;
   static constexpr std::size_t kMostBlocks =
       palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
 
   [[nodiscard]] Replay replay(const std::vector<LoopTick>& recorded, int node);
   // Now, or when the model that is being computed beside the loop is there.
   void tell_session(std::function<void(Session&)> news);
+  // Where nothing else goes out: the wish for traces, which says nothing new.
+  void add_sign_of_life(std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
   // Takes over what has been computed. Its frames ask for ticks that are missing.
   void take_model(std::optional<ModelUpdate> update, std::vector<link::OutgoingFrame>& frames);
   // True when there was one.
@@ -133,6 +139,7 @@ class LoopHost {
   Arming arming_;
   std::deque<firmware::Action> actions_;  // asked for, not sent yet
   TraceChoice traces_;
+  std::uint32_t sent_tick_ = 0;  // the newest frame to the link
   Session session_;
   bool model_is_due_ = false;
   std::deque<std::pair<std::uint32_t, ModelUpdate>> computing_;  // due tick, update

@@ -11,7 +11,7 @@ import numpy as np
 from palpate import _core
 from palpate.body import Floats
 
-MODES = ("boot", "idle", "calibrate", "render", "fault", "direct")
+MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 # palpate.Command
 _ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP = range(1, 7)
 _TICKS_PER_S = 1000

@@ -16,15 +16,16 @@ from palpate.paths import SCENES
 if TYPE_CHECKING:
     from palpate.gui.app import App
 
-MODES = ("boot", "idle", "calibrate", "render", "fault", "direct")
+MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 # Bits of BoardStatus.faults (docs/safety.md).
 FAULTS = (
     "emergency stop", "stop command", "not a number", "encoder jump", "over speed", "outside workspace",
-    "over current", "force implausible", "deadline missed",
+    "over current", "force implausible", "deadline missed", "link lost", "energy created",
 )  # fmt: skip
 _MODE_COLOURS = {
     "boot": (0.75, 0.75, 0.75, 1.0), "idle": (0.55, 0.75, 1.0, 1.0), "calibrate": (0.80, 0.70, 1.0, 1.0),
     "render": (0.45, 0.95, 0.55, 1.0), "direct": (0.45, 0.85, 0.95, 1.0), "fault": (1.0, 0.45, 0.40, 1.0),
+    "suspended": (1.0, 0.70, 0.30, 1.0),
 }  # fmt: skip
 _STOP = (0.80, 0.10, 0.10, 1.0)
 _BAD = (1.0, 0.45, 0.40, 1.0)
@@ -94,7 +95,7 @@ class Controls:
         psim.PopStyleColor(2)
         _button(app, "arm", mode == "idle", live.arm)
         psim.SameLine()
-        _button(app, "disarm", mode in ("render", "direct"), lambda: live.command("disarm"))
+        _button(app, "disarm", mode in ("render", "direct", "suspended"), lambda: live.command("disarm"))
         psim.SameLine()
         _button(app, "clear fault", mode == "fault" and not app.emergency_stop, lambda: live.command("clear_fault"))
         psim.SameLine()
