@@ -26,7 +26,7 @@ template <BoardPort Board>
 class App {
  public:
   App(Board& board, const BoardIdentity& identity, const CatchUpPolicy& catch_up_policy,
-      const Limits& limits = {})
+      const Limits& limits = kDefaultLimits)
       : board_(board),
         outputs_(board),
         limits_(limits),

@@ -147,6 +147,9 @@ struct Limits {
   std::uint32_t missed_deadline_bucket = 500;
 };
 
+// In flash: a board that sets none needs no copy on its stack.
+inline constexpr Limits kDefaultLimits{};
+
 // Supervisor state; one writer, the servo interrupt. Everything about time is an age, so states can be
 // compared.
 struct SupervisorState {

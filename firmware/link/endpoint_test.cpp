@@ -379,7 +379,9 @@ TEST_F(EndpointTest, AnotherHostIsNotObeyedWhileItIsArmed) {
   }
   EXPECT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_SUSPENDED);
   // Everybody may switch off; a response goes to who asked.
-  host_.send(palpate_Command_Request_1_0{.action = palpate_Command_Request_1_0_DISARM});
+  palpate_Command_Request_1_0 disarm{};
+  disarm.action = palpate_Command_Request_1_0_DISARM;
+  host_.send(disarm);
   ticks(2);
   EXPECT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_IDLE);
 }

@@ -9,8 +9,17 @@
 namespace palpate::link {
 namespace {
 
+// What chance draws: a bit of a frame modulo its length, its length after a cut, and the frames that go
+// before.
+constexpr std::size_t kMostBits = 1u << 16, kMostCut = 64, kMostBehind = 3;
+
 bool comes_late(FaultKind kind) {
   return kind == FaultKind::duplicate || kind == FaultKind::reorder;
+}
+
+// Does a frame of so many bytes not come whole?
+bool spoils(const Fault& fault, std::size_t bytes) {
+  return !comes_late(fault.kind) && (fault.kind != FaultKind::truncate || fault.argument < bytes);
 }
 
 // What becomes at once of a frame (without delimiters, not empty), its last delimiter included.
@@ -54,10 +63,33 @@ bool FaultPlan::add(Fault fault) {
   return faults_.emplace(fault.frame, fault).second;
 }
 
-std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) {
+void FaultPlan::add(const RandomFault& fault, std::uint32_t seed) {
+  if (!(fault.chance >= 0.0 && fault.chance <= 1.0))
+    throw std::invalid_argument("FaultPlan: chance " + std::to_string(fault.chance) + " is not in 0..1");
+  draws_.push_back({fault, std::mt19937(seed)});
+}
+
+// A frame begins.
+void FaultPlan::draw(std::uint32_t tick) {
+  // Of the generator's own numbers alone: the distributions of the standard library differ between libraries.
+  constexpr double kRange = 4294967296.0;
+  for (Draw& draw : draws_) {
+    const RandomFault& fault = draw.fault;
+    if (tick < fault.first_tick || tick >= fault.end_tick) continue;
+    const bool hit = static_cast<double>(draw.random()) / kRange < fault.chance;
+    const std::size_t number = draw.random();
+    if (!hit) continue;
+    const bool late = comes_late(fault.kind);
+    const std::size_t length = fault.kind == FaultKind::truncate ? kMostCut : kMostBits;
+    faults_.emplace(frame_, Fault{frame_, fault.kind, late ? 1 + number % kMostBehind : number % length});
+  }
+}
+
+std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes, std::uint32_t tick) {
   std::vector<std::uint8_t> out;
   out.reserve(bytes.size());
   for (const std::uint8_t byte : bytes) {
+    if (byte != wire::kCobsDelimiter && !in_frame_) draw(tick);
     const auto planned = faults_.find(frame_);
     if (byte != wire::kCobsDelimiter) {
       in_frame_ = true;
@@ -70,10 +102,12 @@ std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes) 
         late.push_back(wire::kCobsDelimiter);
         late_.emplace(frame_ + planned->second.argument, std::move(late));
       }
+      const bool is_spoilt = spoils(planned->second, held_.size());
       const std::vector<std::uint8_t> spoilt = spoil(std::move(held_), planned->second);
       out.insert(out.end(), spoilt.begin(), spoilt.end());
       held_.clear();
       ++faults_applied_;
+      if (is_spoilt) ++frames_spoilt_;
     } else {
       out.push_back(byte);
     }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <random>
 #include <span>
 #include <vector>
 
@@ -24,6 +25,15 @@ struct Fault {
   std::size_t argument = 0;
 };
 
+// Faults by chance: each frame that begins in one of the ticks from first_tick on, before end_tick, is hit
+// with that chance. The bit, the length or the number of frames are drawn, too; the same seed draws the same.
+struct RandomFault {
+  FaultKind kind = FaultKind::drop;
+  double chance = 0.0;  // 0 to 1
+  std::uint32_t first_tick = 0;
+  std::uint32_t end_tick = 0xffffffffu;
+};
+
 // A filter between a sender and its medium: the same bytes in give the same bytes out, however they are cut.
 // Bytes of a planned frame are held back until its end; all others pass at once. What is to come behind
 // frames that never come does not come either.
@@ -33,20 +43,34 @@ class FaultPlan {
   // Throws std::invalid_argument when a frame has two faults, or is to be reordered behind no frame.
   explicit FaultPlan(std::span<const Fault> faults);
 
+  // Of several that hit one frame the first counts, and a fault that is planned before any of them. Throws
+  // std::invalid_argument for a chance outside of 0 to 1.
+  void add(const RandomFault& fault, std::uint32_t seed);
+
   // A fault more; its frame is counted from 0 among those that begin from now on. False, and no effect, when
   // that frame has one. Throws std::invalid_argument when it is to be reordered behind no frame.
   bool add(Fault fault);
-  std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes);
+  // `tick`: now; for faults by chance only.
+  std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes, std::uint32_t tick = 0);
   [[nodiscard]] std::uint64_t frames_seen() const { return frame_; }
   [[nodiscard]] std::uint64_t faults_applied() const { return faults_applied_; }
+  // Of those the ones after which the frame does not come whole: dropped, cut short or with another bit.
+  [[nodiscard]] std::uint64_t frames_spoilt() const { return frames_spoilt_; }
 
  private:
+  void draw(std::uint32_t tick);
+
+  struct Draw {
+    RandomFault fault;
+    std::mt19937 random;
+  };
+  std::vector<Draw> draws_;
   std::map<std::uint64_t, Fault> faults_;
   std::uint64_t frame_ = 0;  // number of the frame at hand
   bool in_frame_ = false;
   std::vector<std::uint8_t> held_;
   std::multimap<std::uint64_t, std::vector<std::uint8_t>> late_;  // by the frame that they come behind
-  std::uint64_t faults_applied_ = 0;
+  std::uint64_t faults_applied_ = 0, frames_spoilt_ = 0;
 };
 
 }  // namespace palpate::link

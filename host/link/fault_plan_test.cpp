@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <stdexcept>
 
 namespace palpate::link {
@@ -91,6 +92,65 @@ TEST(FaultPlan, FaultsAddedLaterCountFromTheNextFrameThatBegins) {
   EXPECT_THROW(plan.add({2, FaultKind::reorder, 0}), std::invalid_argument);
   EXPECT_EQ(plan.apply(Bytes{2, 0, 3, 0, 4, 0, 5, 0}), (Bytes{2, 0, 6, 0, 5, 0}));
   EXPECT_EQ(plan.faults_applied(), 2u);
+}
+
+// Frames of 20 bytes, numbered.
+Bytes numbered_frames(std::size_t count) {
+  Bytes bytes;
+  for (std::size_t i = 0; i < count; ++i) {
+    bytes.push_back(0);
+    bytes.insert(bytes.end(), 20, static_cast<std::uint8_t>(1 + i % 250));
+    bytes.push_back(0);
+  }
+  return bytes;
+}
+
+TEST(FaultPlan, ChanceHitsAsOftenAsItSaysAndTheSameOfTheSameSeed) {
+  constexpr std::size_t kFrames = 4000;
+  for (const FaultKind kind : {FaultKind::drop, FaultKind::flip_bit, FaultKind::duplicate}) {
+    for (const double chance : {0.0, 0.1, 1.0}) {
+      FaultPlan plan, again, other;
+      plan.add({kind, chance}, 1);
+      again.add({kind, chance}, 1);
+      other.add({kind, chance}, 2);
+      const Bytes out = plan.apply(numbered_frames(kFrames));
+      EXPECT_EQ(out, again.apply(numbered_frames(kFrames)));
+      // Five standard deviations of 4,000 draws.
+      const double spread = 5.0 * std::sqrt(chance * (1.0 - chance) * kFrames);
+      EXPECT_NEAR(static_cast<double>(plan.faults_applied()), chance * kFrames, spread);
+      EXPECT_EQ(plan.frames_spoilt(), kind == FaultKind::duplicate ? 0 : plan.faults_applied());
+      if (chance == 0.1) {
+        EXPECT_NE(out, other.apply(numbered_frames(kFrames)));
+      }
+    }
+  }
+}
+
+TEST(FaultPlan, ChanceKeepsToItsTicksAndToWhatIsPlanned) {
+  FaultPlan plan;
+  plan.add({FaultKind::drop, 1.0, 10, 20}, 1);
+  EXPECT_EQ(plan.apply(numbered_frames(1), 9), numbered_frames(1));
+  EXPECT_EQ(plan.apply(numbered_frames(1), 10), (Bytes{0}));
+  EXPECT_TRUE(plan.add({0, FaultKind::duplicate, 0}));
+  EXPECT_EQ(plan.apply(numbered_frames(1), 19).size(), 2 * numbered_frames(1).size() - 1);
+  EXPECT_EQ(plan.apply(numbered_frames(1), 20), numbered_frames(1));
+  EXPECT_EQ(plan.frames_spoilt(), 1u);
+  EXPECT_THROW(plan.add({FaultKind::drop, 1.1}, 1), std::invalid_argument);
+}
+
+// A frame that is cut behind its end is whole: the delimiter of the next one ends it.
+TEST(FaultPlan, CutsCountWhereTheyCostSomething) {
+  FaultPlan plan;
+  plan.add({FaultKind::truncate, 1.0}, 1);
+  const Bytes out = plan.apply(numbered_frames(2000));
+  std::size_t whole = 0, run = 0;
+  for (const std::uint8_t byte : out) {
+    run = byte == 0 ? 0 : run + 1;
+    whole += run == 20 ? 1 : 0;
+  }
+  EXPECT_EQ(plan.faults_applied(), 2000u);
+  EXPECT_EQ(plan.frames_spoilt(), 2000 - whole);
+  EXPECT_GT(plan.frames_spoilt(), 0u);
 }
 
 }  // namespace

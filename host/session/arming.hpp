@@ -21,6 +21,7 @@ class Arming {
     done_ = true;
     token_ = 0;
   }
+  [[nodiscard]] bool is_wanted() const { return !done_; }
   // What to send now, if anything.
   std::optional<palpate_Command_Request_1_0> poll(std::uint32_t tick);
   void take(const palpate_BoardStatus_1_0& status);

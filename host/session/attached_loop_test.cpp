@@ -48,6 +48,7 @@ AttachedSetup setup(std::string address) {
   Body body = make_lattice(spec);
   BodyState start = body.rest_state();
   ClosedLoopConfig config;
+  config.known_boards = {"memory"};
   config.session.friction.elsewhere = {0.5, 0.5};
   config.session.step_s = 2e-4;
   return {.body = std::move(body),
@@ -216,6 +217,21 @@ TEST(AttachedLoop, GoesOnWhereOnlyTheTicksSayThatTheBoardHasStartedAgain) {
       return update.status == static_cast<std::uint8_t>(Status::ok) && update.tick < 2 * kOldest_ticks;
     });
   }));
+}
+
+TEST(AttachedLoop, ArmsNoBoardThatItDoesNotKnow) {
+  const auto device = make_device("pty:");
+  AttachedSetup stranger = setup(device->address());
+  stranger.loop.known_boards.clear();  // those of the project: MemoryPeer is none
+  AttachedLoop loop(std::move(stranger));
+  loop.start();
+  ASSERT_TRUE(until_mode(loop, palpate_BoardStatus_1_0_MODE_IDLE));
+  loop.arm();
+  EXPECT_FALSE(until_mode(loop, palpate_BoardStatus_1_0_MODE_RENDER));
+  EXPECT_NE(loop.feed().status().error.find("\"memory\", which is none that this program arms"),
+            std::string::npos)
+      << loop.feed().status().error;
+  EXPECT_FALSE(device->state().outputs_on);
 }
 
 TEST(AttachedLoop, SaysWhyItCannotOpen) {

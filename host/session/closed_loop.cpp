@@ -21,15 +21,13 @@ ClosedLoop::ClosedLoop(const Body& body, const BodyState& start, plant::Plant& p
     : plant_(plant),
       device_(plant, board),
       down_(down),
-      up_(up),
       config_(config),
       host_(body, start, config),
-      faults_down_(config.faults_down),
-      faults_up_(config.faults_up) {}
+      link_(down, up, config) {}
 
 // What the board reads in this tick.
 lockstep::SensorFrame ClosedLoop::sensors() {
-  device_.receive(down_.deliver(tick()));
+  device_.receive(link_.to_board(tick()));
   lockstep::SensorFrame sensors = device_.sensors();
   if (emergency_stop_ || contains(config_.emergency_stop_ticks, tick()))
     sensors.flags |= lockstep::kEmergencyStop;
@@ -54,23 +52,19 @@ LoopTick ClosedLoop::advance() {
 
   const std::uint32_t now = tick();
   device_.run(read, row.board);
-  const std::vector<std::uint8_t> from_board =
-      faults_up_.apply(std::span(row.board.link).first(row.board.link_length));
-  if (!unplugged_) (void)up_.submit(from_board, now);
+  link_.send_up(std::span(row.board.link).first(row.board.link_length), now);
 
-  const std::vector<std::uint8_t> to_host = up_.deliver(tick());
+  const std::vector<std::uint8_t> to_host = link_.to_host(tick());
   row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
   row.link_down_bytes = read.link_length;
-  host_.receive(to_host, tick());
-  for (const link::OutgoingFrame& frame :
-       host_.poll(tick(), down_.backlog_bytes(tick()), down_.bytes_per_tick()))
-    if (const std::vector<std::uint8_t> bytes = faults_down_.apply(frame.bytes); !unplugged_)
-      (void)down_.submit(bytes, tick());
+  if (link_.host_runs(tick())) {
+    host_.receive(to_host, tick());
+    for (const link::OutgoingFrame& frame :
+         host_.poll(tick(), down_.backlog_bytes(tick()), down_.bytes_per_tick()))
+      link_.send_down(frame.bytes, tick());
+  }
+  link_.send_of_others(tick());
   return row;
-}
-
-void ClosedLoop::add_fault(bool to_board, const link::Fault& fault) {
-  (void)(to_board ? faults_down_ : faults_up_).add(fault);
 }
 
 ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant::Plant& plant,
@@ -96,6 +90,8 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     result.heard_ticks.push_back(row.tick < heard.size() ? heard[row.tick] : ClosedLoopResult::kNeverHeard);
   result.down = down.counters();
   result.up = up.counters();
+  result.counters.frames_removed_down = loop.troubles().frames_removed_down;
+  result.counters.frames_removed_up = loop.troubles().frames_removed_up;
   return result;
 }
 

@@ -19,6 +19,7 @@
 #include "host/session/loop_host.hpp"
 #include "host/session/loop_record.hpp"
 #include "host/session/simulation.hpp"
+#include "host/session/troubled_link.hpp"
 
 namespace palpate::host {
 
@@ -41,24 +42,25 @@ class ClosedLoop {
   // Opens the chain of the emergency stop, or closes it.
   void set_emergency_stop(bool open) { emergency_stop_ = open; }
   // The cable is out, or in again; what has passed it arrives.
-  void set_unplugged(bool unplugged) { unplugged_ = unplugged; }
+  void set_unplugged(bool unplugged) { link_.set_unplugged(unplugged); }
   // The board computes for 2.5 ticks more in the next one.
   void burn_next_tick() { burn_ = true; }
   // A fault of a frame to come, on the link to the board or to the host (FaultPlan::add); the first one that
   // is planned for a frame counts.
-  void add_fault(bool to_board, const link::Fault& fault);
+  void add_fault(bool to_board, const link::Fault& fault) { link_.add_fault(to_board, fault); }
+  [[nodiscard]] TroubleCounters troubles() const { return link_.counters(); }
 
  private:
   [[nodiscard]] lockstep::SensorFrame sensors();
 
   plant::Plant& plant_;
   EmulatedDevice device_;
-  link::Medium &down_, &up_;
+  link::Medium& down_;
   ClosedLoopConfig config_;
   LoopHost host_;
-  link::FaultPlan faults_down_, faults_up_;
+  TroubledLink link_;
   std::size_t next_grip_ = 0;
-  bool emergency_stop_ = false, unplugged_ = false, burn_ = false;
+  bool emergency_stop_ = false, burn_ = false;
 };
 
 // Runs `config.ticks` servo ticks and shuts the board down. Throws as ClosedLoop does;

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "firmware/core/renderer.hpp"
+#include "host/link/delay_line.hpp"
 #include "host/link/fault_plan.hpp"
 #include "host/link/framing.hpp"
 #include "host/session/session.hpp"
@@ -18,10 +20,35 @@ struct GripChange {
   double grip = 1.0;
 };
 
+// From first_tick on, before end_tick.
+struct TickSpan {
+  std::uint32_t first_tick = 0;
+  std::uint32_t end_tick = 0;
+};
+
+// What goes wrong on the link and at its other end, in spans of time; equal seeds draw equally.
+struct LinkTroubles {
+  std::uint32_t seed = 1;
+  std::vector<link::RandomFault> random_down, random_up;
+  std::vector<link::Delay> delay_down, delay_up;
+  std::vector<TickSpan> unplugged;  // nothing passes; what was submitted before arrives
+  std::vector<TickSpan>
+      host_stopped;  // the host's process hears and says nothing, and goes on with what waits
+  std::vector<TickSpan> second_host;  // of another node: commands, models and requests of its own
+  // It sends frame after frame, so much of what the link carries.
+  struct Flood {
+    TickSpan span{};
+    double load = 1.0;
+  };
+  std::vector<Flood> flood;
+};
+
 struct ClosedLoopConfig {
   std::uint32_t ticks = 0;
   std::uint32_t host_delay_ticks = 0;  // from the tick in which a model is due to its hand-over to the link
   bool arms_by_itself = true;
+  // Names that a board may give itself (palpate.GetInfo) to be armed; empty: it is the loop's own.
+  std::vector<std::string> known_boards;
   std::uint64_t first_transfer_id = 0;  // link::EndpointOptions
   std::uint32_t models_under_way = 1;   // that the host may compute at a time
   // Models are computed in a thread of their own, and are there when they are there, at the end of the host's
@@ -37,6 +64,7 @@ struct ClosedLoopConfig {
   // Test inputs.
   std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks;
   std::vector<link::Fault> faults_down, faults_up;  // on the link, to the board and to the host
+  LinkTroubles troubles{};
 };
 
 }  // namespace palpate::host

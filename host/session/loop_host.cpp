@@ -44,6 +44,25 @@ void LoopHost::begin_anew() {
   held_back_.reset();
   bases_ = {};
   board_status_.reset();
+  board_name_.reset();
+  asked_name_tick_.reset();
+}
+
+bool LoopHost::knows_board(std::uint32_t tick, std::vector<link::OutgoingFrame>& frames) {
+  const std::vector<std::string>& known = config_.known_boards;
+  if (known.empty()) return true;
+  if (board_name_) {
+    const bool is_known = std::find(known.begin(), known.end(), *board_name_) != known.end();
+    require_of_board(is_known, ("it calls itself \"" + *board_name_ +
+                                "\", which is none that this program arms (docs/safety.md, \"Arming\")")
+                                   .c_str());
+    return true;
+  }
+  if (!asked_name_tick_ || tick - *asked_name_tick_ >= kAskAgain_ticks) {
+    asked_name_tick_ = tick;
+    frames.push_back(hello());
+  }
+  return false;
 }
 
 link::OutgoingFrame LoopHost::hello() {
@@ -64,7 +83,8 @@ void LoopHost::command(firmware::Action action) {
 std::vector<link::OutgoingFrame> LoopHost::poll(std::uint32_t tick, std::size_t backlog_bytes,
                                                 double link_bytes_per_tick) {
   std::vector<link::OutgoingFrame> frames;
-  if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
+  if (arming_.is_wanted() && knows_board(tick, frames))
+    if (const auto command = arming_.poll(tick)) frames.push_back(endpoint_.encode(*command));
   for (; !actions_.empty(); actions_.pop_front()) {
     palpate_Command_Request_1_0 request{};
     request.action = static_cast<std::uint8_t>(actions_.front());
@@ -273,6 +293,15 @@ void LoopHost::take(const palpate_BoardStatus_1_0& status) {
   traces_.take(status);
   board_status_ = status;
 }
+
+void LoopHost::take(const link::InfoResponse& response) {
+  require_of_board(
+      response.message.schema_hash == wire::kSchemaHash,
+      "it was built from other message definitions than the host: build both from the same version");
+  const auto& board = response.message.board;
+  board_name_.emplace(board.elements, board.elements + board.count);
+}
+
 void LoopHost::take(const palpate_ModelReport_1_0& report) {
   // Newest first: it is one of the last.
   for (auto it = result_.updates.rbegin(); it != result_.updates.rend(); ++it) {

@@ -10,6 +10,7 @@
 #include <functional>
 #include <future>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -95,6 +96,7 @@ class LoopHost {
   // A board that renders hears something this often, or takes its link for lost (docs/safety.md); not of a
   // session that computes for longer than the other.
   static constexpr std::uint32_t kSignOfLife_ticks = 100;
+  static constexpr std::uint32_t kAskAgain_ticks = 200;
   static constexpr std::uint32_t kLongestUpdate_ticks = 1000;
   static constexpr std::size_t kMostBlocks =
       palpate_ModelPart_1_0_data_ARRAY_CAPACITY_ / palpate_ModelPart_1_0_BLOCK_BYTES;
@@ -102,6 +104,9 @@ class LoopHost {
   [[nodiscard]] Replay replay(const std::vector<LoopTick>& recorded, int node);
   // Now, or when the model that is being computed beside the loop is there.
   void tell_session(std::function<void(Session&)> news);
+  // May it be armed? Asks who it is as long as somebody wants to know. Throws std::runtime_error for a
+  // board that is none of ClosedLoopConfig::known_boards.
+  bool knows_board(std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
   // Where nothing else goes out: the wish for traces, which says nothing new.
   void add_sign_of_life(std::uint32_t tick, std::vector<link::OutgoingFrame>& frames);
   // Takes over what has been computed. Its frames ask for ticks that are missing.
@@ -131,7 +136,7 @@ class LoopHost {
   void take(const palpate_ModelReport_1_0& report);
   void take(const palpate_BasisReport_1_0& report);
   void take(const link::CommandResponse& response) { arming_.take(response.message); }
-  void take(const link::InfoResponse&) {}
+  void take(const link::InfoResponse& response);
   void take(const palpate_DeviceState_1_0&) {}  // asked for by other programs
 
   ClosedLoopConfig config_;
@@ -154,12 +159,14 @@ class LoopHost {
   std::function<void(const palpate_ServoTrace_1_0&)> listener_;
   std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> tick_listener_;
   std::optional<palpate_BoardStatus_1_0> board_status_;
+  std::optional<std::string> board_name_;
+  std::optional<std::uint32_t> asked_name_tick_;
   ClosedLoopResult result_;
   bool has_peak_ = false;
   double peak_N_ = 0.0;
   // Beside the loop (ClosedLoopConfig::session_beside); last, for its thread uses what is above.
   std::uint32_t begun_tick_ = 0;
-  std::uint32_t received_tick_ = 0;  // the newest bytes
+  std::uint32_t received_tick_ = 0;                  // the newest bytes
   std::uint64_t basis_waits_ = 0;                    // when it was not busy last
   std::vector<std::function<void(Session&)>> news_;  // for the session, when it is not busy any more
   std::future<std::optional<ModelUpdate>> update_;

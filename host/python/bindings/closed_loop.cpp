@@ -101,6 +101,8 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   link_counters["bytes_per_tick"] = link->down().bytes_per_tick();
   link_counters["heard_ticks"] =
       column<std::uint32_t>(run.heard_ticks, [](std::uint32_t tick) { return tick; });
+  link_counters["frames_removed_down"] = run.counters.frames_removed_down;
+  link_counters["frames_removed_up"] = run.counters.frames_removed_up;
   result["link"] = link_counters;
   result["basis_problem"] = run.bases.problem;
   return result;

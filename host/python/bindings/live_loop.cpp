@@ -38,6 +38,7 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
   config.emergency_stop_ticks.clear();
   config.faults_down.clear();
   config.faults_up.clear();
+  config.troubles = {};
   const plant::PlantParameters parameters = read_plant(scene);
   const plant::TipPath path = read_path(scene);
   host::LiveSetup setup{.body = std::move(body),

@@ -56,6 +56,51 @@ std::vector<link::Fault> faults(const nb::dict& table, const std::string& way) {
   return faults;
 }
 
+std::uint32_t tick_at(double time_s) {
+  return static_cast<std::uint32_t>(std::lround(time_s / kTick_s));
+}
+
+host::TickSpan span(const nb::dict& fields) {
+  return {tick_at(number(fields, "from_s")), tick_at(number(fields, "to_s"))};
+}
+
+template <class Each>
+void for_each_of(const nb::dict& table, const char* key, Each each) {
+  for (const nb::handle entry : nb::object(table[key])) each(nb::cast<nb::dict>(entry));
+}
+
+host::LinkTroubles read_troubles(const nb::dict& table) {
+  host::LinkTroubles troubles;
+  troubles.seed = whole(table, "seed");
+  for_each_of(table, "random", [&](const nb::dict& fields) {
+    const host::TickSpan when = span(fields);
+    auto& list = text(fields, "way") == "down" ? troubles.random_down : troubles.random_up;
+    const auto kind = choice<link::FaultKind>(text(fields, "kind"), "link.faults.random.kind",
+                                              {{"drop", link::FaultKind::drop},
+                                               {"flip", link::FaultKind::flip_bit},
+                                               {"truncate", link::FaultKind::truncate},
+                                               {"duplicate", link::FaultKind::duplicate},
+                                               {"reorder", link::FaultKind::reorder}});
+    list.push_back({kind, number(fields, "chance"), when.first_tick, when.end_tick});
+  });
+  for_each_of(table, "delay", [&](const nb::dict& fields) {
+    const host::TickSpan when = span(fields);
+    auto& list = text(fields, "way") == "down" ? troubles.delay_down : troubles.delay_up;
+    list.push_back({tick_at(number(fields, "delay_s")), tick_at(number(fields, "jitter_s")), when.first_tick,
+                    when.end_tick});
+  });
+  for_each_of(table, "unplugged",
+              [&](const nb::dict& fields) { troubles.unplugged.push_back(span(fields)); });
+  for_each_of(table, "host_stopped",
+              [&](const nb::dict& fields) { troubles.host_stopped.push_back(span(fields)); });
+  for_each_of(table, "second_host",
+              [&](const nb::dict& fields) { troubles.second_host.push_back(span(fields)); });
+  for_each_of(table, "flood", [&](const nb::dict& fields) {
+    troubles.flood.push_back({span(fields), number(fields, "load")});
+  });
+  return troubles;
+}
+
 }  // namespace
 
 nb::dict table(const nb::dict& scene, const char* name) {
@@ -268,6 +313,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
   config.faults_down = faults(link_faults, "down");
   config.faults_up = faults(link_faults, "up");
+  config.troubles = read_troubles(link_faults);
   return config;
 }
 

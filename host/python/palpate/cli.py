@@ -231,16 +231,24 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
-    bench = add("bench", "measure what local models cost, against the error of the force that they give, or what links hold")
+    bench = add("bench", "measure what local models cost, what links hold, or what faults do to the force")
     bench.add_argument(
         "what",
-        choices=("frontier", "links"),
-        help="frontier: every builder in every experiment, and sweeps; links: rates, latencies and costs of every medium",
+        choices=("frontier", "links", "faults"),
+        help="frontier: cost against error of every builder in every experiment, and sweeps; links: rates, latencies and costs "
+        "of every medium; faults: the fault matrix of link, host and board",
     )
     bench.add_argument(
-        "--quick", action="store_true", help="frontier: two experiments, three builders, no sweeps; links: two media, a small body"
+        "--quick",
+        action="store_true",
+        help="frontier: two experiments, three builders, no sweeps; links: two media, a small body; faults: some cases that "
+        "stand for the rest",
     )
-    add_out(bench, "out/frontier or out/links")
+    bench.add_argument("--only", nargs="+", metavar="CASE", help="faults: these cases, by name or group")
+    bench.add_argument(
+        "--board", choices=("native", "mps2_an386"), help="faults: the board that runs the firmware (default: native)"
+    )
+    add_out(bench, "out/frontier, out/links or out/faults")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
@@ -585,6 +593,11 @@ def _bench_links(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
+    if arguments.what == "faults":
+        return _bench_faults(arguments)
+    for name in ("only", "board"):
+        if getattr(arguments, name) is not None:
+            raise SceneError(f"palpate bench {arguments.what}: --{name} is for palpate bench faults")
     if arguments.what == "links":
         return _bench_links(arguments)
     from palpate.frontier import command
@@ -603,6 +616,27 @@ def _bench(arguments: argparse.Namespace) -> int:
     for name in faults:
         _tell(f"palpate bench: {name}: the board latched a fault", "red")
     return FAILED if faults else OK
+
+
+def _bench_faults(arguments: argparse.Namespace) -> int:
+    from palpate.faults import command
+
+    folder = _output_folder(arguments, "faults")
+    command.check_folder(folder)
+    command.choose(arguments.only, arguments.quick)
+    from palpate import _core
+
+    board = arguments.board or "native"
+    values, results = command.bench_faults(_core, arguments.only, arguments.quick, board, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_table(results, lambda text, good: paint(text, "green" if good else "red", table)), file=table)
+    _print_files(values["files"], table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    failed = [result.case.name for result in results if result.broken]
+    for name in failed:
+        _tell(f"palpate bench: {name}: breaks a rule of the fault matrix", "red")
+    return FAILED if failed else OK
 
 
 def _test(arguments: argparse.Namespace) -> int:

@@ -17,7 +17,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run reduce --dim 2 --n 6",
         "./run reduce --check-locality scenes/reduce/stiff_skin.toml",
     ),
-    "bench": ("./run bench frontier --quick", "./run bench links --quick"),
+    "bench": (
+        "./run bench frontier --quick",
+        "./run bench links --quick",
+        "./run bench faults --only unplugged drop --json",
+    ),
     "choose": (
         "./run choose scenes/auto.toml",
         "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json",

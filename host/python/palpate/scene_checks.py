@@ -61,6 +61,7 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
     _check_link(reader, scene.link)
     for way in ("down", "up"):
         _check_link_faults(reader, way, scene.link.faults)
+    _check_fault_times(reader, scene.link.faults)
     _check_step(reader, "reference.step_s", scene.reference.step_s)
     _check_outputs(reader, scene.outputs, scene)
 
@@ -354,6 +355,15 @@ def _check_link_faults(reader: Reader, way: str, faults: LinkFaults) -> None:
         if frame in seen:
             raise reader.error(where, frame, "a frame that has no fault yet")
         seen.add(frame)
+
+
+def _check_fault_times(reader: Reader, faults: LinkFaults) -> None:
+    for name in ("random", "delay", "unplugged", "host_stopped", "second_host", "flood"):
+        for i, span in enumerate(getattr(faults, name)):
+            if span.to_s <= span.from_s:
+                raise reader.error(
+                    f"link.faults.{name}[{i}].to_s", span.to_s, f"greater than its from_s, {span.from_s:.12g} s"
+                )
 
 
 def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:

@@ -364,6 +364,45 @@ class LateFrame:
     behind: int = key(Integer(1, 1000), "it comes behind so many of the next frames", default=1)
 
 
+FAULT_WAYS = ("down", "up")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeSpan:
+    """From one time on, before another."""
+
+    from_s: float = key(Number(0.0, MAX_TIME_S), "beginning", unit="s", default=0.0)
+    to_s: float = key(Number(0.0, MAX_TIME_S), "end", unit="s", default=MAX_TIME_S)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomFault(TimeSpan):
+    """Faults by chance."""
+
+    way: str = key(Choice(FAULT_WAYS), "`down`: to the board; `up`: to the host")
+    kind: str = key(
+        Choice(("drop", "flip", "truncate", "duplicate", "reorder")),
+        "what happens to a frame that is hit; which bit flips, where it is cut and how many frames, up to 3, go before it is drawn, too",
+    )
+    chance: float = key(Number(0.0, 1.0), "that a frame is hit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LateBytes(TimeSpan):
+    """A delay on top of the medium's own time. Nothing overtakes."""
+
+    way: str = key(Choice(FAULT_WAYS), "`down`: to the board; `up`: to the host")
+    delay_s: float = key(Number(0.0, 10.0), "what every submission waits", unit="s", default=0.0)
+    jitter_s: float = key(Number(0.0, 10.0), "what it waits more at most, drawn for each", unit="s", default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flood(TimeSpan):
+    """Frames of a second host, as many as it can."""
+
+    load: float = key(Number(0.0, 10.0), "of what the link to the board carries", default=1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LinkFaults:
     """Faults on the link, for tests. "down" is from host to board, "up" from board to host."""
@@ -396,6 +435,21 @@ class LinkFaults:
     reorder_up: tuple[LateFrame, ...] = key(
         TablesOf(LateFrame, 100_000), "frames to the host that come behind later ones", default=()
     )
+    seed: int = key(Integer(1, 1_000_000), "of all that is drawn: equal seeds, equal runs", default=1)
+    random: tuple[RandomFault, ...] = key(
+        TablesOf(RandomFault, 100), "frames that are hit by chance; of two faults of one frame the first counts", default=()
+    )
+    delay: tuple[LateBytes, ...] = key(TablesOf(LateBytes, 100), "delay and jitter", default=())
+    unplugged: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "the cable is out; what had passed it arrives", default=()
+    )
+    host_stopped: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "the host's process is stopped: it says nothing, and what comes waits", default=()
+    )
+    second_host: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "another node sends commands, models and requests of its own, 100 a second each", default=()
+    )
+    flood: tuple[Flood, ...] = key(TablesOf(Flood, 100), "another node fills the link to the board", default=())
 
 
 @dataclass(frozen=True, kw_only=True)

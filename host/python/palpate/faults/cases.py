@@ -1,0 +1,120 @@
+"""The cases of the fault matrix: what goes wrong, when, and what is to come of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+# Of scenes/faults.toml: when the tip is free, sticks, slips and presses hardest.
+PHASES_S = {"free": 0.2, "stick": 1.0, "slip": 1.7, "peak": 2.8}
+# Faults that are not of one phase last from the first contact to the last one, which is without them.
+WHOLE_S = (0.4, 4.3)
+LINK, CUT = "link", "cut"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the matrix.
+
+    kind: LINK, whose force is ramped, or CUT, whose outputs go off in the tick of the fault. first_s, end_s: of the fault.
+    ends_mode: that the board is in at the end of the run. faults: latched then. silent: nothing of the host arrives.
+    exact_loss: each frame that was removed shows as lost, but for the last of a port. duration_s: of the run. board: the only
+    one that can show it; the firmware gives the same record on all.
+    """
+
+    name: str
+    group: str
+    keys: dict[str, Any]
+    first_s: float
+    end_s: float
+    kind: str = LINK
+    ends_mode: str = "render"
+    faults: int = 0
+    silent: bool = False
+    exact_loss: bool = True
+    duration_s: float | None = None
+    board: str | None = None
+    quick: bool = False
+    levels: dict[str, float] = field(default_factory=dict)
+
+
+def _span(first_s: float, end_s: float, **more: Any) -> dict[str, Any]:
+    return {"from_s": first_s, "to_s": end_s, **more}
+
+
+def _both(**fault: Any) -> list[dict[str, Any]]:
+    return [{"way": way, **fault} for way in ("down", "up")]
+
+
+def _random(kind: str, percent: float, *, quick: bool = False, exact: bool = True) -> Case:
+    first_s, end_s = WHOLE_S
+    return Case(
+        f"{kind} {percent:g} %",
+        kind,
+        {"link.faults.random": _both(kind=kind, chance=percent / 100.0, from_s=first_s, to_s=end_s)},
+        first_s,
+        end_s,
+        exact_loss=exact,
+        quick=quick,
+        levels={"percent": percent},
+    )
+
+
+def _delay(delay_ms: float, jitter_ms: float, *, quick: bool = False) -> Case:
+    first_s, end_s = WHOLE_S
+    what = f"delay {delay_ms:g} ms" if jitter_ms == 0 else f"jitter {jitter_ms:g} ms"
+    fault = _span(first_s, end_s, delay_s=delay_ms / 1e3, jitter_s=jitter_ms / 1e3)
+    return Case(what, "delay" if jitter_ms == 0 else "jitter", {"link.faults.delay": _both(**fault)}, first_s, end_s,
+                quick=quick, levels={"delay_ms": delay_ms, "jitter_ms": jitter_ms})  # fmt: skip
+
+
+def _silence(key: str, phase: str, length_s: float, *, quick: bool = False) -> Case:
+    first_s = PHASES_S[phase]
+    what = {"unplugged": "unplugged", "host_stopped": "host stopped"}[key]
+    return Case(f"{what} {length_s:g} s, {phase}", what, {f"link.faults.{key}": [_span(first_s, first_s + length_s)]}, first_s,
+                first_s + length_s, silent=True, quick=quick, levels={"length_s": length_s})  # fmt: skip
+
+
+def all_cases() -> tuple[Case, ...]:
+    """Every case, by group."""
+    first_s, end_s = WHOLE_S
+    peak_s = PHASES_S["peak"]
+    peak_tick = round(peak_s * 1000)
+    lost_s = 11.5  # silence that latches, and time to see that it stays so
+    return (
+        *(_random("drop", percent, quick=percent == 50) for percent in (1, 5, 10, 25, 50)),
+        *(_delay(ms, 0) for ms in (10, 50, 100, 200, 500)),
+        *(_delay(0, ms, quick=ms == 30) for ms in (10, 30, 100, 500)),
+        *(_random("reorder", percent, exact=False) for percent in (10, 50)),
+        *(_random("duplicate", percent, exact=False) for percent in (10, 50)),
+        *(_random("flip", percent, quick=percent == 25) for percent in (5, 25)),
+        *(_random("truncate", percent) for percent in (5, 25)),
+        *(
+            Case(f"flood {load:g} of the link", "flood", {"link.faults.flood": [_span(first_s, end_s, load=load)]}, first_s, end_s,
+                 exact_loss=False, levels={"load": load})
+            for load in (0.5, 0.9, 1.5)
+        ),
+        Case("second host", "second host", {"link.faults.second_host": [_span(first_s, end_s)]}, first_s, end_s,
+             exact_loss=False, quick=True),
+        *(
+            _silence("unplugged", phase, length_s, quick=phase == "peak" and length_s == 2.0)
+            for phase in PHASES_S
+            for length_s in (0.1, 0.5, 2.0)
+        ),
+        *(_silence("host_stopped", phase, length_s) for phase in PHASES_S for length_s in (0.5, 2.0)),
+        Case("host killed, peak", "host killed", {"link.faults.host_stopped": [_span(peak_s, 600.0)]}, peak_s, 600.0, silent=True,
+             ends_mode="fault", faults=1 << 9, duration_s=peak_s + lost_s),
+        Case("unplugged 10.5 s, stick", "unplugged", {"link.faults.unplugged": [_span(1.0, 11.5)]}, 1.0, 11.5, silent=True,
+             ends_mode="fault", faults=1 << 9, exact_loss=False, duration_s=12.5),
+        Case("emergency stop, peak", "emergency stop", {"board.faults.emergency_stop_ticks": [peak_tick]}, peak_s, peak_s,
+             kind=CUT, ends_mode="fault", faults=1, quick=True),
+        Case("ticks overrun, peak", "overrun", {"board.faults.overlong_ticks": [peak_tick + 4 * i for i in range(4)]}, peak_s,
+             peak_s + 0.02, kind=CUT, ends_mode="fault", faults=1 << 8, duration_s=3.0, board="mps2_an386"),
+    )  # fmt: skip
+
+
+def chosen(names: Sequence[str] | None, quick: bool) -> tuple[Case, ...]:
+    """Those of the names, or of the groups with them; `quick`: some that stand for the rest. Empty where none is meant."""
+    every = all_cases()
+    if names:
+        return tuple(case for case in every if case.name in names or case.group in names)
+    return tuple(case for case in every if case.quick or not quick)

@@ -1,0 +1,149 @@
+"""`palpate bench faults`: runs the matrix, writes faults.json and a picture, and says what broke a rule."""
+
+import json
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from palpate import __version__, experiment
+from palpate.experiment import ProgressBar
+from palpate.faults import picture
+from palpate.faults.cases import Case, all_cases, chosen
+from palpate.faults.rules import Result, Run, judge, stiffness_N_m
+from palpate.paths import SCENES
+from palpate.scene import SceneError, load_scene
+
+SCENE = SCENES / "faults.toml"
+RESULTS, PICTURE = "faults.json", "faults.png"
+BOARDS = ("native", "mps2_an386")
+OpenBar = Callable[[str, str], AbstractContextManager[ProgressBar]]
+
+
+class _Silent:
+    """The progress of one run within the matrix: that of the matrix is shown."""
+
+    def __call__(self, label: str, unit: str) -> "_Silent":
+        return self
+
+    def __enter__(self) -> ProgressBar:
+        return lambda done, total: True
+
+    def __exit__(self, *error: object) -> None:
+        return None
+
+
+def check_folder(out: Path) -> None:
+    """Raises SceneError where `out` holds what this command does not write."""
+    for entry in sorted(out.iterdir()) if out.exists() else ():
+        if entry.name not in (RESULTS, PICTURE):
+            raise SceneError(f"--out = {out}: holds {entry.name}, which palpate bench faults does not write; choose another")
+
+
+def choose(names: Sequence[str] | None, quick: bool) -> tuple[Case, ...]:
+    """The cases that are asked for. Raises SceneError for a name that is none."""
+    every = all_cases()
+    known = dict.fromkeys(name for case in every for name in (case.group, case.name))
+    for name in names or ():
+        if name not in known:
+            groups = ", ".join(dict.fromkeys(case.group for case in every))
+            raise SceneError(f"--only {name}: must be a group ({groups}) or the name of a case")
+    return chosen(names, quick)
+
+
+def _run(core: Any, case: Case | None, board: str) -> tuple[Run, int]:
+    """A run, and the models' horizon in ticks."""
+    overrides: dict[str, Any] = dict(case.keys) if case else {}
+    if case and case.duration_s is not None:
+        overrides["duration_s"] = case.duration_s
+    scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
+    done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], _Silent())
+    removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
+    return Run(done.values, done.counters, removed), scene.sections.model.valid_ticks
+
+
+def run_matrix(core: Any, cases: Sequence[Case], board: str, progress: OpenBar) -> tuple[Run, list[Result]]:
+    """The run without faults, and every case held against it. Raises what `experiment.run` does."""
+    results = []
+    with progress(f"fault matrix on {board}", "run") as bar:
+        good, valid_ticks = _run(core, None, board)
+        bar(1, len(cases) + 1)
+        for i, case in enumerate(cases):
+            results.append(judge(case, good, _run(core, case, board)[0], valid_ticks))
+            bar(i + 2, len(cases) + 1)
+    return good, results
+
+
+def to_dict(good: Run, results: Sequence[Result], board: str, quick: bool) -> dict[str, Any]:
+    """faults.json: docs/faults.md has its keys."""
+    return {
+        "palpate": __version__,
+        "board": board,
+        "quick": quick,
+        "passed": all(not result.broken for result in results),
+        "fault_free": {
+            "force_N": float(good.force_N.max()),
+            "step_N": float(good.step_N.max()),
+            "stiffness_N_m": stiffness_N_m(good),
+        },
+        "cases": [
+            {
+                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "exact_loss")},
+                **result.numbers,
+                "broken": list(result.broken),
+            }
+            for result in results
+        ],
+    }
+
+
+def bench_faults(
+    core: Any, names: Sequence[str] | None, quick: bool, board: str, out: Path, progress: OpenBar
+) -> tuple[dict[str, Any], list[Result]]:
+    """Runs the matrix, writes faults.json and faults.png there, and returns the file's content with `files`, and the results.
+
+    Raises SceneError, hil.BoardError, or what the core raises.
+    """
+    check_folder(out)
+    cases = choose(names, quick)
+    good, results = run_matrix(core, cases, board, progress)
+    values = to_dict(good, results, board, quick)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    picture.draw(results, values["fault_free"], out / PICTURE)
+    return {**values, "files": {name: str(out / name) for name in (RESULTS, PICTURE)}}, results
+
+
+_COLUMNS = ("case", "step N", "excess N", "force gone ms", "off ms", "again ms", "lost/removed", "ends in")
+
+
+def format_table(results: Sequence[Result], paint: Callable[[str, bool], str]) -> str:
+    """A line a case. paint: gives the verdict its colour, by whether it holds."""
+    rows = [_row(result) for result in results]
+    widths = [max(len(row[i]) for row in (_COLUMNS, *rows)) for i in range(len(_COLUMNS))]
+
+    def line(cells: Sequence[str]) -> str:
+        first, *others = cells
+        return "  ".join([first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))])
+
+    lines = [f"      {line(_COLUMNS)}"]
+    for result, row in zip(results, rows, strict=True):
+        verdict = paint("FAIL" if result.broken else "pass", not result.broken)
+        lines.append(f"{verdict}  {line(row)}")
+        lines += [f"      {text}" for text in result.broken]
+    return "\n".join(lines)
+
+
+def _row(result: Result) -> tuple[str, ...]:
+    numbers = result.numbers
+
+    def ticks(name: str) -> str:
+        return "-" if numbers[name] is None else str(numbers[name])
+
+    lost = "+".join(str(numbers[f"lost_{way}"]) for way in ("down", "up"))
+    removed = "+".join(str(numbers[f"removed_{way}"]) for way in ("down", "up"))
+    return (
+        result.case.name, f"{numbers['step_N']:.3f}", f"{numbers['excess_N']:.2f}", ticks("force_gone_ticks"),
+        ticks("outputs_off_ticks"), ticks("recovery_ticks"), f"{lost}/{removed}", numbers["ends_in"],
+    )  # fmt: skip

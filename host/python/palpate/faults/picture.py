@@ -1,0 +1,52 @@
+"""The picture of the fault matrix: for each case how long the force lasts, how far it changes in a tick and what is left of the
+bound on it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from palpate.faults.rules import FORCE_STEP_N, Result
+from palpate.reproduce import plot
+
+_ROW_IN = 0.2
+# Beyond the bound of a panel by so much of it.
+_ROOM = 1.15
+
+
+def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> None:
+    """A row a case. results: not empty. fault_free: as in faults.json."""
+    figure = Figure(figsize=(10.0, 1.3 + _ROW_IN * len(results)), layout="constrained")
+    times, steps, bounds = figure.subplots(1, 3, sharey=True)
+    rows = np.arange(len(results))
+    colours = [plot.RED if result.broken else plot.BLUE for result in results]
+
+    def bars(axes: Any, name: str, height: float, shift: float, **style: Any) -> None:
+        values = [result.numbers[name] for result in results]
+        known = [i for i, value in enumerate(values) if value is not None]
+        axes.barh([rows[i] + shift for i in known], [values[i] for i in known], height, **style)
+
+    bars(times, "force_gone_ticks", 0.38, -0.2, color=plot.BLUE, label="force of the model gone")
+    bars(times, "outputs_off_ticks", 0.38, 0.2, color="#b8b8b8", label="outputs off")
+    times.set_xlabel("after the fault begins [ms]")
+    times.legend(fontsize=7, loc="lower right")
+
+    limit_N = fault_free["step_N"] + FORCE_STEP_N
+    bars(steps, "step_N", 0.7, 0.0, color=colours)
+    steps.axvline(fault_free["step_N"], color=plot.GREEN, linewidth=1.0)
+    steps.axvline(limit_N, color=plot.RED, linewidth=1.0)
+    steps.set_xlim(0.0, _ROOM * limit_N)
+    steps.set_xlabel("largest change in a tick [N]\ngreen: without faults, red: limit")
+
+    bars(bounds, "excess_N", 0.7, 0.0, color=colours)
+    bounds.axvline(0.0, color=plot.RED, linewidth=1.0)
+    bounds.set_xlabel("force above its bound at most [N]\nnegative: what was left")
+
+    times.set_yticks(rows, [result.case.name for result in results], fontsize=7)
+    times.set_ylim(len(results) - 0.4, -0.6)
+    for axes in (times, steps, bounds):
+        axes.grid(axis="x", linewidth=0.4)
+        axes.set_axisbelow(True)
+    plot.save(figure, file)

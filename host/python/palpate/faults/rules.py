@@ -1,0 +1,195 @@
+"""What must hold in every case of the fault matrix (docs/faults.md has the rules in words)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.faults.cases import CUT, Case
+
+# Modes of the board: firmware/core/supervisor.hpp.
+MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
+RENDER = MODES.index("render")
+# Limits of the firmware, firmware/core/supervisor.hpp; a test holds them against it.
+PEAK_FORCE_N = 8.5
+MOTOR_CURRENT_A = 7.0
+TIP_SPEED_M_S = 2.5
+FORCE_STEP_N = 0.5
+FADE_TICKS = 200
+SILENT_TICKS = 300
+DAMPING_TICKS = 1000
+DAMPING_FORCE_N = 1.0
+# Single precision, and what a record keeps of it.
+ROUNDING = 1e-4
+# A sign of life goes out this often at least: the newest before a fault may be so old, and models younger.
+SIGN_TICKS = 100
+# Of a model at the beginning of a silence: a frame of 33 ms, and what link and replay take.
+MODEL_AGE_TICKS = 100
+# Rule 3: what a late or lost model may add where the tip is as deep as without the fault, and by how much the body may seem
+# stiffer than it ever is without: the local model of another place.
+FORCE_SLACK_N = 0.5
+STIFFNESS_SLACK = 1.5
+SURFACE_Z_M = -0.02
+SHALLOW_M = 1e-3
+# The last frame of each port may be lost without a later one to show it: commands, requests, pieces, states.
+LAST_OF_PORTS = 4
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run left: datasets by path, counters, and frames that its faults removed."""
+
+    values: dict[str, NDArray[Any]]
+    counters: dict[str, Any]
+    removed: dict[str, int]
+
+    @property
+    def force_N(self) -> Floats:
+        """(ticks,): magnitude of the rendered force."""
+        return np.linalg.norm(self.values["ticks/force_N"].astype(np.float64), axis=1)
+
+    @property
+    def step_N(self) -> Floats:
+        """(ticks,): its change since the tick before, of ticks after which outputs are still on."""
+        force_N = self.values["ticks/force_N"].astype(np.float64)
+        change_N = np.linalg.norm(np.diff(force_N, axis=0, prepend=force_N[:1]), axis=1)
+        return np.where(self.values["ticks/enabled"] == 1, change_N, 0.0)
+
+    @property
+    def speed_m_s(self) -> Floats:
+        """(ticks - 1,): of the tip."""
+        return np.linalg.norm(np.diff(self.values["ticks/true_tip_m"], axis=0), axis=1) / np.diff(self.values["ticks/tick"]) * 1e3
+
+    @property
+    def depth_m(self) -> Floats:
+        """(ticks,): of the tip below the surface of the body at rest."""
+        return np.maximum(0.0, SURFACE_Z_M - self.values["ticks/true_tip_m"][:, 2])
+
+    @property
+    def mode(self) -> NDArray[np.int64]:
+        return self.values["ticks/mode"].astype(np.int64)
+
+    def row(self, tick: int) -> int:
+        """The first row at or after a tick."""
+        return int(np.searchsorted(self.values["ticks/tick"], tick))
+
+
+@dataclass(frozen=True)
+class Result:
+    """A case's numbers, and the rules that it breaks, in words."""
+
+    case: Case
+    numbers: dict[str, Any]
+    broken: tuple[str, ...]
+
+
+def stiffness_N_m(good: Run) -> float:
+    """The largest secant stiffness of the run without faults."""
+    deep = good.depth_m > SHALLOW_M
+    return float((good.force_N[deep] / good.depth_m[deep]).max())
+
+
+def _excess_N(good: Run, run: Run) -> float:
+    """By how much rule 3 is exceeded at most; negative: what is left of it."""
+    rows = np.minimum(np.searchsorted(good.values["ticks/tick"], run.values["ticks/tick"]), len(good.force_N) - 1)
+    bound_N = np.maximum(good.force_N[rows], STIFFNESS_SLACK * stiffness_N_m(good) * run.depth_m) + FORCE_SLACK_N
+    # A silent link is damped.
+    model_age = run.values["ticks/model_age_ticks"]
+    damped = (model_age > FADE_TICKS) & (run.mode == RENDER)
+    bound_N = np.where(damped, np.maximum(bound_N, DAMPING_FORCE_N), bound_N)
+    return float((run.force_N - bound_N).max())
+
+
+def judge(case: Case, good: Run, run: Run, valid_ticks: int) -> Result:
+    """Holds a run against the rules, and against the run without faults."""
+    values, broken = run.values, []
+    first_tick, end_tick = round(case.first_s * 1000), round(case.end_s * 1000)
+    at = run.row(first_tick)
+
+    setpoint_A = np.abs(values["ticks/setpoint_A"])
+    off = values["ticks/enabled"] == 0
+    numbers: dict[str, Any] = {
+        "force_N": float(run.force_N.max()),
+        "current_A": float(setpoint_A.max()),
+        "speed_m_s": float(run.speed_m_s.max()),
+        "step_N": float(run.step_N.max()),
+        "excess_N": _excess_N(good, run),
+    }
+    for name, limit in (("force_N", PEAK_FORCE_N), ("current_A", MOTOR_CURRENT_A), ("speed_m_s", TIP_SPEED_M_S)):
+        if not numbers[name] <= limit + ROUNDING:
+            broken.append(f"{name} = {numbers[name]:.3g}: must be at most {limit:g}")
+    if np.any(setpoint_A[off]) or np.any(run.force_N[off]):
+        broken.append("set-points while outputs are off")
+    step_limit_N = float(good.step_N.max()) + FORCE_STEP_N
+    if not numbers["step_N"] <= step_limit_N + ROUNDING:
+        broken.append(f"step_N = {numbers['step_N']:.3g}: must be at most {step_limit_N:.3g}")
+    if not numbers["excess_N"] <= ROUNDING:
+        broken.append(f"force {numbers['excess_N']:.3g} N above what the run without the fault allows")
+
+    numbers.update(_times(case, run, at, end_tick, valid_ticks, broken))
+    numbers.update(_losses(case, run, broken))
+    _judge_end(case, run, end_tick, valid_ticks, numbers, broken)
+    return Result(case, numbers, tuple(broken))
+
+
+def _first(condition: NDArray[np.bool_], tick: NDArray[Any], since_tick: int) -> int | None:
+    found = np.flatnonzero(condition)
+    return int(tick[found[0]]) - since_tick if len(found) else None
+
+
+def _times(case: Case, run: Run, at: int, end_tick: int, valid_ticks: int, broken: list[str]) -> dict[str, Any]:
+    """Ticks from the beginning of the fault to the end of the model's force, and to outputs that are off."""
+    tick = run.values["ticks/tick"][at:]
+    since = int(round(case.first_s * 1000))
+    off = _first(run.values["ticks/enabled"][at:] == 0, tick, since)
+    times: dict[str, Any] = {"force_gone_ticks": None, "outputs_off_ticks": off}
+    if case.kind == CUT:
+        wanted = _first(run.values["ticks/faults"][at:] != 0, tick, since)
+        times["force_gone_ticks"] = off
+        if off is None or off != wanted or off > case.end_s * 1000 - since + 1:
+            broken.append(f"outputs off after {off} ticks, fault latched after {wanted}: must be the same, at most at the fault's end")
+        return times
+    if not case.silent:
+        return times
+    # Of the model: a damper is not counted.
+    gone = _first(run.force_N[at:] <= DAMPING_FORCE_N * (run.values["ticks/model_age_ticks"][at:] > valid_ticks + FADE_TICKS),
+                  tick, since)  # fmt: skip
+    length = end_tick - since
+    times["force_gone_ticks"] = gone if gone is not None and gone <= length else None
+    gone_limit, off_limit = valid_ticks + FADE_TICKS, valid_ticks + FADE_TICKS + DAMPING_TICKS + SIGN_TICKS
+    if length > gone_limit and (gone is None or gone > gone_limit):
+        broken.append(f"force gone after {gone} ticks: must be at most {gone_limit}")
+    if length > off_limit and (off is None or off > off_limit):
+        broken.append(f"outputs off after {off} ticks: must be at most {off_limit}")
+    return times
+
+
+def _losses(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
+    numbers: dict[str, Any] = {}
+    for way in ("down", "up"):
+        removed, lost = run.removed[way], int(run.counters[f"frames_lost_{way}"])
+        numbers[f"removed_{way}"], numbers[f"lost_{way}"] = removed, lost
+        if case.exact_loss and not removed - LAST_OF_PORTS <= lost <= removed:
+            broken.append(f"frames_lost_{way} = {lost}: {removed} were removed")
+        if not case.exact_loss and lost < removed - LAST_OF_PORTS and case.ends_mode == "render":
+            broken.append(f"frames_lost_{way} = {lost}: {removed} were removed, more than that shows")
+    return numbers
+
+
+def _judge_end(case: Case, run: Run, end_tick: int, valid_ticks: int, numbers: dict[str, Any], broken: list[str]) -> None:
+    mode = MODES[int(run.mode[-1])]
+    faults = int(run.values["ticks/faults"][-1])
+    numbers["ends_in"] = mode
+    if mode != case.ends_mode or faults != case.faults:
+        broken.append(f"ends in mode {mode}, faults 0x{faults:x}: must be {case.ends_mode}, 0x{case.faults:x}")
+    swaps = run.values["updates/swap_tick"].astype(np.int64)
+    after = np.sort(swaps[swaps >= end_tick])
+    numbers["recovery_ticks"] = int(after[0]) - end_tick if len(after) else None
+    if case.ends_mode == "render":
+        if not len(after):
+            broken.append("no model was taken over after the fault")
+        if int(run.values["ticks/model_age_ticks"][-1]) > valid_ticks:
+            broken.append("the model at the end is too old")

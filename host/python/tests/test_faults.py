@@ -1,0 +1,170 @@
+"""`palpate bench faults`: its rules on made-up runs with known answers, bad input, and the short matrix as a gate."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import palpate
+
+from palpate.faults import cases, command, rules
+from palpate.faults.rules import Run, judge
+from palpate.paths import ROOT
+from palpate.scene import SceneError, load_scene
+
+VALID_TICKS = 200
+TICKS = 3000
+DEPTH_M = 0.005
+
+
+def made_run(**changed: Any) -> Run:
+    """The tip is held 5 mm deep at 2 N for 3 s, a model every 30 ticks."""
+    tick = np.arange(TICKS)
+    values = {
+        "ticks/tick": tick,
+        "ticks/force_N": np.tile([0.0, 0.0, -2.0], (TICKS, 1)),
+        "ticks/setpoint_A": np.full((TICKS, 3), 1.0),
+        "ticks/true_tip_m": np.tile([0.0, 0.0, rules.SURFACE_Z_M - DEPTH_M], (TICKS, 1)),
+        "ticks/enabled": np.ones(TICKS, dtype=np.uint8),
+        "ticks/mode": np.full(TICKS, rules.RENDER),
+        "ticks/faults": np.zeros(TICKS, dtype=np.uint32),
+        "ticks/model_age_ticks": np.full(TICKS, 30),
+        "updates/swap_tick": tick[30::30],
+    }
+    run = Run(values, {"frames_lost_down": 0, "frames_lost_up": 0}, {"down": 0, "up": 0})
+    for change in changed.values():
+        change(run)
+    return run
+
+
+def case(**more: Any) -> cases.Case:
+    return replace(cases.Case("made", "made", {}, 1.0, 1.5), **more)
+
+
+def broken(run: Run, one: cases.Case | None = None) -> str:
+    return "; ".join(judge(one or case(), made_run(), run, VALID_TICKS).broken)
+
+
+def test_a_run_like_that_without_faults_breaks_no_rule():
+    result = judge(case(), made_run(), made_run(), VALID_TICKS)
+    assert result.broken == ()
+    assert result.numbers["excess_N"] == pytest.approx(-(rules.STIFFNESS_SLACK - 1.0) * 2.0 - rules.FORCE_SLACK_N)
+    assert result.numbers["recovery_ticks"] == 0 and result.numbers["ends_in"] == "render"
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "value", "said"),
+    [
+        ("ticks/setpoint_A", 1200, 7.1, "current_A = 7.1: must be at most 7"),
+        ("ticks/force_N", slice(1200, 1300), -2.2, "must be at most 0.5"),  # and back, each component by 2.2 N
+        ("ticks/enabled", slice(1200, 1300), 0, "set-points while outputs are off"),
+        ("ticks/mode", -1, 6, "ends in mode suspended, faults 0x0: must be render, 0x0"),
+        ("ticks/faults", -1, 512, "faults 0x200"),
+        ("ticks/model_age_ticks", -1, 201, "the model at the end is too old"),
+        ("ticks/true_tip_m", 1200, 0.0, "speed_m_s"),
+    ],
+)
+def test_each_limit_is_watched(name, rows, value, said):
+    def change(run: Run) -> None:
+        run.values[name][rows] = value
+
+    assert said in broken(made_run(change=change))
+
+
+def test_more_force_than_without_the_fault_is_told_and_a_slow_rise_too():
+    def rise(run: Run) -> None:  # 3 N at the depth of 2 N: a slow rise that no step shows
+        run.values["ticks/force_N"][1000:, 2] = -2.0 - np.minimum(1.6, np.arange(TICKS - 1000) * 0.01)
+
+    assert broken(made_run(change=rise)) == "force 0.1 N above what the run without the fault allows"
+
+
+def test_silence_must_end_the_force_and_the_outputs_in_time():
+    silent = case(silent=True, first_s=1.0, end_s=2.9)
+    assert "force gone after None ticks: must be at most 400; outputs off after None ticks: must be at most 1500" in broken(
+        made_run(), silent
+    )
+
+    def as_documented(run: Run) -> None:
+        run.values["ticks/model_age_ticks"][1000:2900] = np.arange(1900) + 30
+        fade = np.clip(1.0 - (np.arange(1900) + 30 - VALID_TICKS) / rules.FADE_TICKS, 0.0, 1.0)
+        run.values["ticks/force_N"][1000:2900, 2] = -2.0 * fade
+        run.values["ticks/force_N"][2900:, 2] = -0.5
+        for name in ("ticks/enabled", "ticks/setpoint_A"):
+            run.values[name][2400:2900] = 0
+        run.values["ticks/mode"][2400:2900] = 6
+
+    result = judge(silent, made_run(), made_run(change=as_documented), VALID_TICKS)
+    assert result.broken == ()
+    assert (result.numbers["force_gone_ticks"], result.numbers["outputs_off_ticks"]) == (370, 1400)
+
+
+@pytest.mark.parametrize(("lost", "exact", "good"), [(10, True, True), (6, True, True), (5, True, False), (11, True, False), (11, False, True)])
+def test_losses_must_show(lost, exact, good):
+    run = replace(made_run(), removed={"down": 10, "up": 0}, counters={"frames_lost_down": lost, "frames_lost_up": 0})
+    assert (broken(run, case(exact_loss=exact)) == "") is good
+
+
+def test_a_fault_that_is_to_cut_must_cut_in_its_tick():
+    cut = case(kind=cases.CUT, end_s=1.0, ends_mode="fault", faults=1)
+
+    def stop(run: Run, off: int) -> None:
+        run.values["ticks/faults"][1000:] = 1
+        run.values["ticks/mode"][1000:] = rules.MODES.index("fault")
+        for name in ("ticks/force_N", "ticks/setpoint_A", "ticks/enabled"):
+            run.values[name][off:] = 0
+
+    assert broken(made_run(change=lambda run: stop(run, 1000)), cut) == ""
+    assert "outputs off after 2 ticks" in broken(made_run(change=lambda run: stop(run, 1002)), cut)
+
+
+def test_limits_are_those_of_the_firmware():
+    text = (ROOT / "firmware/core/supervisor.hpp").read_text("utf-8")
+
+    def limit(name: str) -> float:
+        (value,) = re.findall(rf" {name}\W+([0-9.']+)f?[,;}}]", text)
+        return float(value.replace("'", ""))
+
+    assert rules.PEAK_FORCE_N == limit("peak_force_N") and rules.MOTOR_CURRENT_A == limit("motor_current_A")
+    assert rules.TIP_SPEED_M_S == limit("tip_speed_m_s") and rules.FORCE_STEP_N == limit("force_step_N")
+    assert rules.FADE_TICKS == limit("model_fade_ticks") and rules.SILENT_TICKS == limit("link_silent_ticks")
+    assert rules.DAMPING_TICKS == limit("damping_ticks") and rules.DAMPING_FORCE_N == limit("damping_force_N")
+    scene = load_scene(command.SCENE)
+    assert rules.SURFACE_Z_M == pytest.approx(scene.sections.body.origin_m[2] + 0.05)
+    # Silence is longer than signs of life may be apart, and 30 ms of jitter no matter.
+    assert rules.SILENT_TICKS > 2 * rules.SIGN_TICKS + 30
+
+
+def test_names_of_cases_are_unique_and_wrong_ones_are_told():
+    names = [one.name for one in cases.all_cases()]
+    assert len(set(names)) == len(names)
+    assert {one.group for one in command.choose(["drop", "second host"], False)} == {"drop", "second host"}
+    with pytest.raises(SceneError, match="--only nothing: must be a group"):
+        command.choose(["nothing"], False)
+
+
+def test_bad_input_is_exit_code_2(tmp_path):
+    (tmp_path / "mine.txt").write_text("")
+    for options, said in (
+        (["faults", "--out", str(tmp_path)], "holds mine.txt"),
+        (["faults", "--only", "sunshine"], "--only sunshine: must be a group"),
+        (["frontier", "--only", "drop"], "--only is for palpate bench faults"),
+    ):
+        done = palpate("bench", *options)
+        assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_the_short_matrix_breaks_no_rule(tmp_path):
+    """The gate: runs the firmware as a Linux process through what stands for the whole matrix."""
+    done = palpate("bench", "faults", "--quick", "--out", str(tmp_path / "out"), "--json")
+    assert done.returncode == 0, done.stderr
+    values = json.loads(done.stdout)
+    assert values["passed"] and len(values["cases"]) == sum(one.quick for one in cases.all_cases())
+    kept = json.loads(Path(values["files"]["faults.json"]).read_text("utf-8"))
+    assert kept == {key: value for key, value in values.items() if key != "files"}
+    assert Path(values["files"]["faults.png"]).stat().st_size > 10_000
+    # What is removed is there to be removed, or the rules hold for nothing.
+    lossy = {one["name"]: one["removed_down"] + one["removed_up"] for one in values["cases"]}
+    assert lossy["drop 50 %"] > 500 and lossy["flip 25 %"] > 200 and lossy["unplugged 2 s, peak"] > 400

@@ -1,0 +1,58 @@
+// The two directions of a closed loop's link with what goes wrong on it (LinkTroubles): between the two ends
+// and the media that carry the bytes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "host/link/delay_line.hpp"
+#include "host/link/fault_plan.hpp"
+#include "host/link/host_endpoint.hpp"
+#include "host/link/medium.hpp"
+#include "host/session/closed_loop_config.hpp"
+
+namespace palpate::host {
+
+// What did not get through, by frames: those spoilt, and those that a cable that is out has kept.
+struct TroubleCounters {
+  std::uint64_t frames_removed_down = 0, frames_removed_up = 0;
+  std::uint64_t foreign_frames = 0;  // of a second host
+};
+
+// `down` and `up` must outlive it. One thread; ticks never decrease.
+class TroubledLink {
+ public:
+  // Throws as FaultPlan does.
+  TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config);
+
+  // Bytes of one end on their way to the other.
+  void send_up(std::span<const std::uint8_t> bytes, std::uint32_t tick);
+  void send_down(std::span<const std::uint8_t> frame, std::uint32_t tick);
+  // What has arrived. Of a host that is stopped it waits for when it goes on.
+  std::vector<std::uint8_t> to_host(std::uint32_t tick);
+  std::vector<std::uint8_t> to_board(std::uint32_t tick) { return down_.deliver(tick); }
+  // Does the host's process run?
+  [[nodiscard]] bool host_runs(std::uint32_t tick) const;
+  // What a second host sends in this tick, and what has been delayed until now; after send_down.
+  void send_of_others(std::uint32_t tick);
+
+  void set_unplugged(bool unplugged) { unplugged_ = unplugged; }
+  // FaultPlan::add.
+  void add_fault(bool to_board, const link::Fault& fault);
+  [[nodiscard]] TroubleCounters counters() const;
+
+ private:
+  [[nodiscard]] bool is_unplugged(std::uint32_t tick) const;
+
+  link::Medium &down_, &up_;
+  LinkTroubles troubles_;
+  link::FaultPlan faults_down_, faults_up_;
+  link::DelayLine delay_down_, delay_up_;
+  link::HostEndpoint other_;
+  bool unplugged_ = false;
+  std::vector<std::uint8_t> waiting_;  // for a stopped host
+  std::uint64_t kept_down_ = 0, kept_up_ = 0, foreign_ = 0;
+};
+
+}  // namespace palpate::host
