@@ -15,7 +15,7 @@ using Bytes = std::vector<std::uint8_t>;
 std::vector<std::uint32_t> arrivals(DelayLine& line, std::uint32_t ticks) {
   std::vector<std::uint32_t> when(ticks, 0);
   for (std::uint32_t tick = 0; tick < 2 * ticks; ++tick) {
-    if (tick < ticks) line.submit({static_cast<std::uint8_t>(tick)}, tick);
+    if (tick < ticks) line.submit(Bytes(1, static_cast<std::uint8_t>(tick)), tick);
     line.deliver(tick, [&](const Bytes& bytes) { when[bytes.front()] = tick; });
   }
   return when;

@@ -99,7 +99,7 @@ Bytes numbered_frames(std::size_t count) {
   Bytes bytes;
   for (std::size_t i = 0; i < count; ++i) {
     bytes.push_back(0);
-    bytes.insert(bytes.end(), 20, static_cast<std::uint8_t>(1 + i % 250));
+    for (int byte = 0; byte < 20; ++byte) bytes.push_back(static_cast<std::uint8_t>(1 + i % 250));
     bytes.push_back(0);
   }
   return bytes;
@@ -130,7 +130,7 @@ TEST(FaultPlan, ChanceKeepsToItsTicksAndToWhatIsPlanned) {
   FaultPlan plan;
   plan.add({FaultKind::drop, 1.0, 10, 20}, 1);
   EXPECT_EQ(plan.apply(numbered_frames(1), 9), numbered_frames(1));
-  EXPECT_EQ(plan.apply(numbered_frames(1), 10), (Bytes{0}));
+  EXPECT_EQ(plan.apply(numbered_frames(1), 10), (Bytes(1, 0)));
   EXPECT_TRUE(plan.add({0, FaultKind::duplicate, 0}));
   EXPECT_EQ(plan.apply(numbered_frames(1), 19).size(), 2 * numbered_frames(1).size() - 1);
   EXPECT_EQ(plan.apply(numbered_frames(1), 20), numbered_frames(1));

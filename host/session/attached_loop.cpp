@@ -128,6 +128,7 @@ void AttachedLoop::run_once() {
   for (const auto& control : controls) control();
   if (!link_->is_open() && !open_again()) return;
 
+  forget_what_waited();
   const std::vector<std::uint8_t> bytes = link_->read(kReadPatience);
   heard_at_s_ = now_s();
   if (!bytes.empty()) last_bytes_s_ = heard_at_s_;
@@ -146,6 +147,15 @@ void AttachedLoop::run_once() {
     status.links_opened = links_opened_;
     status.link_is_open = link_->is_open();
   });
+}
+
+void AttachedLoop::forget_what_waited() {
+  const double now = now_s();
+  const double since_s = now - std::exchange(ran_at_s_, now);
+  if (since_s < kPause_s) return;
+  while (now_s() - now < kPause_s && !link_->read(kReadPatience).empty()) {
+  }
+  ran_at_s_ = now_s();
 }
 
 bool AttachedLoop::open_again() {

@@ -66,6 +66,7 @@ class AttachedLoop {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kReadPatience{1};   // commands wait no longer
   static constexpr std::chrono::milliseconds kReopenAfter{250};  // a plug that is being put in
+  static constexpr double kPause_s = 0.5;                        // longer than any computer lets it wait
   static constexpr double kSilence_s = 0.5, kAskAgain_s = 0.25;  // five statuses of a board
   static constexpr std::chrono::milliseconds kLeavePatience{500}, kLeaveAgain{50};
   static constexpr std::uint32_t kMostTicksAtOnce = 100;  // after a pause of the computer
@@ -75,6 +76,8 @@ class AttachedLoop {
   void leave();
   void begin_anew();
   void disarm_a_foundling();
+  // A process that was stopped finds bytes that are as old: the board's clock would seem to have jumped back.
+  void forget_what_waited();
   // Over UDP a board answers whom it has heard.
   void ask_a_silent_board();
   void post(std::function<void()> control);
@@ -101,6 +104,7 @@ class AttachedLoop {
   std::optional<std::uint32_t> fed_tick_;  // newest in the feed
   double last_bytes_s_ = -1.0, asked_at_s_ = -1.0;
   double heard_at_s_ = 0.0;  // the bytes that are being taken
+  double ran_at_s_ = 0.0;
   std::uint32_t polled_tick_ = 0;
   double backlog_bytes_ = 0.0, backlog_at_s_ = 0.0;  // in the driver, by the link's rate
   std::uint64_t links_opened_ = 1;

@@ -4,15 +4,19 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 #include <type_traits>
+#include <vector>
 
 #include "host/link/can_bus.hpp"
 #include "host/link/can_cost.hpp"
 #include "host/session/closed_loop.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_drag.hpp"
+#include "shared/wire/can_record.hpp"
 
 namespace palpate::host {
 namespace {
@@ -26,8 +30,21 @@ struct Outcome {
   std::optional<palpate_BoardStatus_1_0> status;
 };
 
-// Pressed into a block and dragged over two of its cells; `lost_from` to `lost_until`: the cable is out.
-Outcome run(std::uint32_t ticks, std::uint32_t lost_from, std::uint32_t lost_until) {
+// A third node fills the bus with what goes before all else: seven frames of 8 bytes at the first priority
+// take 1.1 ticks at 1 Mbit/s.
+void babble(link::MeteredCanBus& bus, std::uint32_t tick) {
+  constexpr std::uint32_t kMessage = 0x0060'0000u | (7000u << 8) | 99u;
+  constexpr std::array<std::uint8_t, 8> kData{1, 2, 3, 4, 5, 6, 7, 0xe0};
+  for (int i = 0; i < 7; ++i) {
+    std::vector<std::uint8_t> record(kData.size() + wire::kCanRecordOverheadBytes);
+    record.resize(wire::write_can_record({.identifier = kMessage, .fd = false, .data = kData}, record));
+    ASSERT_TRUE(bus.down().submit(record, tick));
+  }
+}
+
+// Pressed into a block and dragged over two of its cells; `lost_from` to `lost_until`: the cable is out, or
+// another node babbles.
+Outcome run(std::uint32_t ticks, std::uint32_t lost_from, std::uint32_t lost_until, bool babbles = false) {
   const Body body = test::drag_body();
   constexpr std::uint32_t kHostDelay_ticks = 5;
   ClosedLoopConfig config = test::drag_config(ticks, kHostDelay_ticks, {TraceForm::tip, 4});
@@ -38,7 +55,9 @@ Outcome run(std::uint32_t ticks, std::uint32_t lost_from, std::uint32_t lost_unt
   ClosedLoop loop(body, body.rest_state(), plant, board, bus.down(), bus.up(), config);
   std::vector<LoopTick> recorded;
   while (loop.tick() < ticks) {
-    loop.set_unplugged(loop.tick() >= lost_from && loop.tick() < lost_until);
+    const bool is_lost = loop.tick() >= lost_from && loop.tick() < lost_until;
+    loop.set_unplugged(is_lost && !babbles);
+    if (is_lost && babbles) babble(bus, loop.tick());
     recorded.push_back(loop.advance());
   }
   Outcome outcome{.result = {},
@@ -91,6 +110,34 @@ TEST(ClosedLoopOverCan, GoesOnBehindAnInterruption) {
   ASSERT_FALSE(outcome.result.updates.empty());
   EXPECT_GT(outcome.result.updates.back().sent_tick, kUntil + 300);
   EXPECT_EQ(outcome.result.updates.back().interpolated_ticks, 0u);
+}
+
+// Nothing else crosses while it lasts: to the board the link is lost. It is damped, suspended, and goes on by
+// itself with the first model afterwards (docs/safety.md, "A lost link").
+TEST(ClosedLoopOverCan, ABabblingNodeIsALostLink) {
+  constexpr std::uint32_t kFrom = 1800, kUntil = kFrom + 1700;
+  constexpr std::uint32_t kAfter = kFd ? 1500 : 3500;  // on classic CAN a basis has to cross first
+  const Outcome outcome = run(kUntil + kAfter, kFrom, kUntil, true);
+  const firmware::Limits limits;
+  bool was_suspended = false;
+  std::array<float, 3> before_N{};
+  for (const LoopTick& tick : outcome.result.ticks) {
+    const auto mode = static_cast<firmware::Mode>(tick.board.mode);
+    was_suspended = was_suspended || mode == firmware::Mode::suspended;
+    EXPECT_EQ(tick.board.faults, 0u);
+    const auto& force_N = tick.board.force_N;
+    if (tick.board.enabled != 0) {
+      EXPECT_LE(std::hypot(force_N[0] - before_N[0], force_N[1] - before_N[1], force_N[2] - before_N[2]),
+                limits.force_step_N + 1e-5f);  // of float's rounding
+    }
+    before_N = force_N;
+  }
+  EXPECT_TRUE(was_suspended);
+  ASSERT_TRUE(outcome.status.has_value());
+  EXPECT_EQ(outcome.status->mode, palpate_BoardStatus_1_0_MODE_RENDER);
+  const auto& updates = outcome.result.updates;
+  EXPECT_TRUE(std::any_of(updates.begin(), updates.end(),
+                          [](const UpdateRecord& update) { return update.swap_tick > kUntil; }));
 }
 
 }  // namespace

@@ -146,9 +146,7 @@ TESTED = {
         "host/python/tests/test_reduce_command.py::test_a_homogeneous_body_is_local_and_the_others_are_not"
     ),
     "./run bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
-    "./run bench faults": _TOO_LONG,
     "./run bench faults --only unplugged drop --json": "host/python/tests/test_faults.py::test_the_short_matrix_breaks_no_rule",
-    "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
     "./run bench frontier --quick": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
     "./run bench links": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
     "./run bench links --quick": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
@@ -201,6 +199,8 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml": _A_WHOLE_BODY,
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
+    "./run bench faults": _TOO_LONG,
+    "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
     "build/host/host/bench/model_builders": _TOO_LONG,
     "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,
     "build/host/host/bench/edge_jumps > edge_jumps.json": _TOO_LONG,

@@ -121,10 +121,10 @@ def test_a_fault_that_is_to_cut_must_cut_in_its_tick():
 
 
 def test_limits_are_those_of_the_firmware():
-    text = (ROOT / "firmware/core/supervisor.hpp").read_text("utf-8")
+    text = (ROOT / "firmware/core/supervisor.hpp").read_text("utf-8").split("struct Limits {")[1].split("\n};")[0]
 
     def limit(name: str) -> float:
-        (value,) = re.findall(rf" {name}\W+([0-9.']+)f?[,;}}]", text)
+        (value,) = re.findall(rf" {name}(?: = |{{)([0-9.']+)", text)
         return float(value.replace("'", ""))
 
     assert rules.PEAK_FORCE_N == limit("peak_force_N") and rules.MOTOR_CURRENT_A == limit("motor_current_A")

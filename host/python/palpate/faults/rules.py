@@ -49,7 +49,8 @@ class Run:
     @property
     def force_N(self) -> Floats:
         """(ticks,): magnitude of the rendered force."""
-        return np.linalg.norm(self.values["ticks/force_N"].astype(np.float64), axis=1)
+        force_N: Floats = np.linalg.norm(self.values["ticks/force_N"].astype(np.float64), axis=1)
+        return force_N
 
     @property
     def step_N(self) -> Floats:
@@ -61,7 +62,9 @@ class Run:
     @property
     def speed_m_s(self) -> Floats:
         """(ticks - 1,): of the tip."""
-        return np.linalg.norm(np.diff(self.values["ticks/true_tip_m"], axis=0), axis=1) / np.diff(self.values["ticks/tick"]) * 1e3
+        way_m = np.linalg.norm(np.diff(self.values["ticks/true_tip_m"], axis=0), axis=1)
+        speed_m_s: Floats = way_m / np.diff(self.values["ticks/tick"]) * 1e3
+        return speed_m_s
 
     @property
     def depth_m(self) -> Floats:
