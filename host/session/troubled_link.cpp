@@ -10,10 +10,9 @@ namespace palpate::host {
 namespace {
 
 constexpr std::uint16_t kOtherNode = 11;
-// Beside the first host, as busy: a model and a request ten times more often than commands.
+// From one command, model and request to the next: three times as many models as the first host's.
 constexpr std::uint32_t kOtherPeriod_ticks = 10;
 constexpr float kOtherForce_N = 8.0f;
-// A board takes no more bytes in a tick from the exchange, and keeps up with a flood of so much.
 constexpr std::size_t kMostFlood = 64;  // frames in a tick
 
 bool contains(const std::vector<TickSpan>& spans, std::uint32_t tick) {
