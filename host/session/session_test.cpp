@@ -3,35 +3,21 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <vector>
 
 #include "host/msd/vectors.hpp"
+#include "host/session/session_test_bed.hpp"
 #include "host/session/simulation.hpp"
-#include "host/session/test_contact.hpp"
 
 namespace palpate::host {
 namespace {
 
 using test::block;
+using test::kSamplesPerTrace;
 using test::Path;
-
-constexpr std::uint32_t kSamplesPerTrace = 4;
-
-// As the board sends them: in single precision.
-palpate_ServoTrace_1_0 trace(const Path& path, std::uint32_t first_tick) {
-  palpate_ServoTrace_1_0 message{};
-  message.first_tick = first_tick;
-  for (std::uint32_t tick = first_tick; tick <= path.ticks() && tick < first_tick + kSamplesPerTrace;
-       ++tick) {
-    auto& sample = message.samples.elements[message.samples.count++];
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      sample.tip_m[axis] = static_cast<float>(path.tip_m[tick][axis]);
-  }
-  return message;
-}
+using test::trace;
 
 Path in_single_precision(Path path) {
   for (Vec3d& tip : path.tip_m)
@@ -40,25 +26,8 @@ Path in_single_precision(Path path) {
   return path;
 }
 
-class SessionTest : public ::testing::Test {
+class SessionTest : public test::SessionTestBed {
  protected:
-  SessionTest() {
-    config_.friction.elsewhere = {0.5, 0.5};
-    path_.to({0.0145, 0.0165, -2e-3}, 60).to({0.0245, 0.0175, -2e-3}, 139);
-  }
-  // Sends the path but for the ticks in `lost`, with an update every 33 ticks; returns the models.
-  std::vector<ModelUpdate> run(Session& session, const std::vector<std::uint32_t>& lost_traces = {}) {
-    std::vector<ModelUpdate> updates;
-    for (std::uint32_t tick = 0; tick <= path_.ticks(); ++tick) {
-      if (tick % kSamplesPerTrace == kSamplesPerTrace - 1) {
-        const std::uint32_t first = tick + 1 - kSamplesPerTrace;
-        if (std::count(lost_traces.begin(), lost_traces.end(), first) == 0) session.take(trace(path_, first));
-      }
-      if (!session.due(tick)) continue;
-      if (auto update = session.update()) updates.push_back(std::move(*update));
-    }
-    return updates;
-  }
   BodyState simulated_until(std::uint32_t tick) {
     const Path measured = in_single_precision(path_);
     SimulationConfig config;
@@ -69,10 +38,6 @@ class SessionTest : public ::testing::Test {
     config.export_ticks = {tick};
     return simulate(body_, body_.rest_state(), config, {}).exported.at(0);
   }
-
-  Body body_ = block(5);
-  SessionConfig config_{};
-  Path path_{{0.0145, 0.0165, 5e-4}};
 };
 
 TEST_F(SessionTest, IsDueAtItsRate) {
@@ -229,27 +194,6 @@ TEST_F(SessionTest, RefusesAStepThatDoesNotDivideTheTick) {
             "");
 }
 
-TEST_F(SessionTest, WantsBasesBeforeTheTipIsThere) {
-  // 6 cm along the top of a block, up to 7.5 cm/s: from cell to cell another patch.
-  const Body body = block(10);
-  path_ = Path{{0.0145, 0.0465, 5e-4}};
-  path_.to({0.0145, 0.0465, -1e-3}, 500).to({0.0745, 0.0465, -1e-3}, 1200);
-  config_.model.builder = Builder::krylov;
-  config_.model.tangent = TangentAt::rest;
-  config_.model.shift_rad_s = {0.0};
-  config_.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
-  Session foreseen(body, body.rest_state(), config_);
-  const auto updates = run(foreseen);
-  EXPECT_GT(updates.size(), 40u);
-  // Only at the beginning, when nothing could be known before.
-  EXPECT_LE(foreseen.basis_waits(), 4u);
-  // Too slow for the tip, it goes on with the patch before, as far as that goes.
-  config_.model.bases.latency_ticks = 300;
-  Session slow(body, body.rest_state(), config_);
-  EXPECT_GT(run(slow).size(), 30u);
-  EXPECT_GT(slow.basis_waits(), 9u);
-}
-
 TEST_F(SessionTest, PutsThePatchAroundTheContactUnlessAhead) {
   config_.patch_ahead = false;
   config_.law.tip_radius_m = 4e-3;
@@ -272,68 +216,11 @@ TEST_F(SessionTest, PutsThePatchAroundTheContactUnlessAhead) {
   EXPECT_GE(touching, 4);
 }
 
-// The tip moves on slowly until the next patch is looked for, and turns back into a cell whose own patch is
-// not there: the patch on the board has the contact, the one that was looked up last has not.
-TEST_F(SessionTest, GoesOnWithThePatchOnTheBoardWhenTheTipTurns) {
-  const Body body = block(10);
-  config_.model.builder = Builder::krylov;
-  config_.model.tangent = TangentAt::rest;
-  config_.model.shift_rad_s = {0.0};
-  config_.model.bases = {BasisTiming::virtual_time, 400, std::nullopt};
-  config_.friction.elsewhere = {0.0, 0.0};
-  path_ = Path{{0.041, 0.0465, -5e-4}};
-  for (int tick = 1; tick <= 1500; ++tick) path_.tip_m.push_back({0.041 + 5.633e-6 * tick, 0.0465, -5e-4});
-  path_.to({0.033, 0.0465, -5e-4}, 30).to({0.032, 0.0465, -5e-4}, 100);
-  Session session(body, body.rest_state(), config_);
-  std::uint32_t held = 0;
-  std::size_t waits_before = 0;
-  int after_the_turn = 0;
-  bool wanted_the_next = false;
-  for (std::uint32_t tick = 0; tick <= path_.ticks(); ++tick) {
-    if (tick % kSamplesPerTrace == kSamplesPerTrace - 1)
-      session.take(trace(path_, tick + 1 - kSamplesPerTrace));
-    if (!session.due(tick)) continue;
-    const auto update = session.update();
-    if (tick <= 1500) {
-      if (update && held == 0) held = update->packed.state.basis_id;
-      if (held != 0) session.note_held_bases({held});
-      wanted_the_next = update && update->packed.state.basis_id == held && update->wanted_basis != nullptr;
-      waits_before = session.basis_waits();
-    } else {
-      ASSERT_TRUE(update) << tick;
-      EXPECT_EQ(update->packed.state.basis_id, held) << tick;
-      ++after_the_turn;
-    }
-  }
-  EXPECT_TRUE(wanted_the_next);
-  EXPECT_GE(after_the_turn, 3);
-  EXPECT_GT(session.basis_waits(), waits_before);
-}
-
-TEST_F(SessionTest, PreparesBetweenRareUpdates) {
-  config_.update_Hz = 2.0;
-  config_.model.builder = Builder::krylov;
-  config_.model.tangent = TangentAt::rest;
-  config_.model.shift_rad_s = {0.0};
-  config_.model.bases = {BasisTiming::virtual_time, 100, std::nullopt};
-  path_ = Path{{0.0145, 0.0165, 5e-4}};
-  path_.to({0.0145, 0.0165, -2e-3}, 540);
-  for (const bool prepares : {false, true}) {
-    Session session(body_, body_.rest_state(), config_);
-    for (std::uint32_t tick = 3; tick <= 500; tick += kSamplesPerTrace) {
-      session.take(trace(path_, tick - 3));
-      if (prepares) session.prepare();
-    }
-    EXPECT_EQ(session.update().has_value(), prepares);
-    EXPECT_EQ(session.basis_waits(), prepares ? 0u : 1u);
-  }
-}
-
 TEST_F(SessionTest, PutsThePatchAhead) {
   // 3 cm/s along the top of a block; the board takes a model over 60 ticks after its own.
   const Body body = block(10);
-  path_ = Path{{0.0145, 0.0465, 5e-4}};
-  path_.to({0.0145, 0.0465, -1e-3}, 300).to({0.0745, 0.0465, -1e-3}, 2000);
+  path_ = Path{{0.0245, 0.0465, 5e-4}};
+  path_.to({0.0245, 0.0465, -1e-3}, 100).to({0.0545, 0.0465, -1e-3}, 1000);
   const auto patches = [&](bool ahead, std::uint32_t late) {
     config_.patch_ahead = ahead;
     Session session(body, body.rest_state(), config_);
