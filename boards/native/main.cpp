@@ -67,8 +67,9 @@ void run_in_real_time(App& app, NativePlatform& platform) {
 int main(int argc, char** argv) {
   const std::string_view mode = argc > 1 ? argv[1] : "";
   if (mode == "--version" && argc == 2) {
-    std::printf("palpate %s %s schema %016" PRIx64 "\n", kIdentity.board.data(), kIdentity.firmware.data(),
-                palpate::wire::kSchemaHash);
+    std::printf("palpate %.*s %.*s schema %016" PRIx64 "\n", static_cast<int>(kIdentity.board.size()),
+                kIdentity.board.data(), static_cast<int>(kIdentity.firmware.size()),
+                kIdentity.firmware.data(), palpate::wire::kSchemaHash);
     return 0;
   }
   const bool lockstep = mode == "--lockstep" && argc == 4;

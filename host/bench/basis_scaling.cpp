@@ -82,7 +82,7 @@ void measure(int nodes, const std::string& kind) {
 
 int main(int count, char** arguments) {
   std::vector<int> sizes;
-  for (int i = 1; i < count; ++i) sizes.push_back(std::atoi(arguments[i]));
+  for (int i = 1; i < count; ++i) sizes.push_back(std::stoi(arguments[i]));
   if (sizes.empty()) sizes.push_back(12);
   std::printf("[");
   bool first = true;

@@ -20,6 +20,7 @@ constexpr int kHalvings = 30;
 
 std::vector<int> dofs_of(const Body& body, const SubsetTangent& subset) {
   std::vector<int> dofs;
+  dofs.reserve(subset.node.size());
   for (std::size_t d = 0; d < subset.node.size(); ++d)
     dofs.push_back(body.dof(subset.node[d], subset.axis[d]));
   return dofs;

@@ -65,7 +65,6 @@ TOOLS = (
     Tool("arm-none-eabi-g++", "gcc-arm-none-eabi", "building the firmware", True),
     Tool("qemu-system-arm", "qemu-system-arm", "the boards mps2_an386 and mps2_an500", True),
     Tool("clang-format", "clang-format", "only ./run test", False),
-    Tool("clang-tidy", "clang-tidy", "only ./run test without --quick", False),
     Tool("ccache", "ccache", "only faster building", False),
 )
 
