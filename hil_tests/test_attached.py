@@ -23,6 +23,7 @@ from palpate.virtual_device import VirtualDevice
 
 # The top of the body is at -2 cm; the hand presses 4 mm in, goes 1 cm aside, and comes up again.
 ABOVE_M, PRESSED_M, ASIDE_M = [-0.005, 0.0, -0.015], [-0.005, 0.0, -0.024], [0.005, 0.0, -0.024]
+pytestmark = pytest.mark.real_time
 IDLE = 1
 
 

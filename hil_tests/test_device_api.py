@@ -17,6 +17,7 @@ from board_peer import BUILD_HOST, REPOSITORY
 import palpate
 from palpate.scene import make_scene
 
+pytestmark = pytest.mark.real_time
 LIBRARY = BUILD_HOST / "host/device_api"
 WALL = LIBRARY / "example_wall"
 # As example_wall.c has them.

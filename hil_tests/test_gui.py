@@ -10,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.real_time
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ROOT / "hil_tests" / "gui_scripts"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "host" / "python")}

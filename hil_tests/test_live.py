@@ -16,6 +16,7 @@ from palpate.record import RecordError
 from palpate.scene import SceneError, load_recorded_scene, load_scene
 from palpate.tip_path import TipPath
 
+pytestmark = pytest.mark.real_time
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ROOT / "scenes"
 SMALL = {"body.nodes": [8, 8, 8], "body.origin_m": [-0.035, -0.035, -0.09], "contact.friction": 0.4}

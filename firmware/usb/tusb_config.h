@@ -1,4 +1,5 @@
-/* Configuration of TinyUSB: one full-speed device port, the vendor's class and CDC-ACM, no operating system. */
+/* Configuration of TinyUSB: one full-speed device port, the vendor's class and CDC-ACM, no operating system.
+ */
 #pragma once
 
 #ifndef CFG_TUSB_MCU

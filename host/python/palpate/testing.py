@@ -196,30 +196,31 @@ def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
 
 
 def run_pytest(quick: bool, log: IO[str]) -> Count:
-    """The Python tests: command line, scenes, records, and the firmware in the loop."""
-    report = LOGS / "pytest.xml"
-    report.unlink(missing_ok=True)
+    """The Python tests: command line, scenes, records, and the firmware in the loop. Files side by side, one a
+    processor; then, with the machine for themselves, the tests of loops that run in real time."""
     folders = [folder for folder in ("host/python/tests", "hil_tests") if (ROOT / folder).is_dir()]
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "--durations=10",
-        "--timeout=600",
-        f"--junit-xml={report}",
-        *folders,
-    ]
-    succeeded = _run(
-        [*command, "-m", "not slow"] if quick else command,
-        log,
-        {"PYTHONPATH": str(ROOT / "host/python"), "MPLBACKEND": "Agg"},
-    )
-    if not report.exists():
-        return Count(failures=["pytest"])
-    count = count_junit(report)
-    if not succeeded and not count.failures:
-        count.failures.append("pytest")
+    rest = " and not slow" if quick else ""
+    side_by_side = ["-n", str(os.cpu_count() or 1), "--dist=loadfile"]
+    count = Count()
+    for name, chosen, options in (
+        ("pytest", "not real_time", side_by_side),
+        ("pytest in real time", "real_time", []),
+    ):
+        report = LOGS / f"{name.replace(' ', '-')}.xml"
+        report.unlink(missing_ok=True)
+        command = [sys.executable, "-m", "pytest", "-q", "--durations=10", "--timeout=600", f"--junit-xml={report}"]
+        succeeded = _run(
+            [*command, *options, *folders, "-m", chosen + rest],
+            log,
+            {"PYTHONPATH": str(ROOT / "host/python"), "MPLBACKEND": "Agg"},
+        )
+        if not report.exists():
+            count.failures.append(name)
+            continue
+        part = count_junit(report)
+        if not succeeded and not part.failures:
+            part.failures.append(name)
+        count += part
     return count
 
 
@@ -237,9 +238,22 @@ def run_clang_tidy(log: IO[str]) -> Count:
     narrowed.mkdir(parents=True, exist_ok=True)
     entries = [entry for entry in json.loads(database.read_text()) if entry["file"] in sources]
     (narrowed / "compile_commands.json").write_text(json.dumps(entries))
+    programs = Path(sys.executable).parent
     return _one(
         "clang-tidy",
-        _run(["run-clang-tidy", "-quiet", "-p", str(narrowed), "-j", str(os.cpu_count() or 1)], log),
+        _run(
+            [
+                str(programs / "run-clang-tidy.py"),
+                "-clang-tidy-binary",
+                str(programs / "clang-tidy"),
+                "-quiet",
+                "-p",
+                str(narrowed),
+                "-j",
+                str(os.cpu_count() or 1),
+            ],
+            log,
+        ),
     )
 
 
