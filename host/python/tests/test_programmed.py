@@ -118,10 +118,15 @@ def test_the_probe_is_where_the_board_had_the_node(tmp_path: Path) -> None:
     # The local model follows the body but for what it leaves out, most of all in the fast press: typically to a tenth.
     off_m = np.linalg.norm(rendered_m[has_model] - reference_m[has_model], axis=1)
     assert np.median(off_m) < 0.1 * abs(deepest_m)
-    # The replay is the board: the same force to the last bit, wherever the board passes it on.
+    # The replay is the board: the same force to the last bit, wherever the board passes it on, but where the supervisor limits
+    # its change to 0.5 N a tick, and until it has caught up.
     touching = (values["ticks/contact_mode"] > 0) & (values["ticks/enabled"] > 0)
     assert np.count_nonzero(touching) > 100
-    assert values["probe/force_N"].tobytes() == values["ticks/force_N"].tobytes()
+    force_N, replayed_N = values["ticks/force_N"], values["probe/force_N"]
+    ramped = np.linalg.norm(np.diff(force_N, axis=0, prepend=0), axis=1) > 0.499
+    passed_on = np.convolve(ramped, np.ones(3), "same") == 0
+    assert np.count_nonzero(~passed_on) < 30
+    assert force_N[passed_on].tobytes() == replayed_N[passed_on].tobytes()
 
     far = record(tmp_path / "far", text, outputs=outputs.replace("[2, 2, 5]", "[0, 5, 5]"))
     assert not np.any(np.isfinite(far["probe/rendered_m"]))

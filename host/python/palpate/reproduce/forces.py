@@ -13,16 +13,20 @@ from palpate.scene_sections import TICK_S
 FREE, STICK, SLIP = 0, 1, 2
 # The hand counts as dragging while its target moves sideways faster than this: far below the 5 to 20 mm/s of a drag.
 _DRAG_SPEED_M_S = 1e-3
+# The board's limit for the change of its force (firmware/core/supervisor.hpp, Limits::force_step_N), but for rounding.
+_RAMP_N = 0.5 * (1.0 - 1e-3)
 
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Per tick: time, contact mode, pressing part of the force and length of the tangential part. All (n,)."""
+    """Per tick: time, contact mode, pressing part of the force and length of the tangential part; whether the board's limit
+    for the change of force has held it back, so that it is not that of the contact. All (n,)."""
 
     time_s: NDArray[np.float64]
     mode: NDArray[Any]
     normal_N: NDArray[np.float64]
     tangential_N: NDArray[np.float64]
+    ramped: NDArray[np.bool_]
 
     @property
     def touching(self) -> NDArray[np.bool_]:
@@ -33,10 +37,10 @@ class ContactForces:
 def contact_forces(record: Record) -> ContactForces:
     """The rendered force of each tick, normal and tangential in the contact normal that the board used."""
     mode = record["ticks/contact_mode"]
-    normal_N, tangential_N = split_force(
-        record["ticks/force_N"].astype(np.float64), record["ticks/normal"].astype(np.float64)
-    )
-    return ContactForces(time_s(record), mode, normal_N, tangential_N)
+    force_N = record["ticks/force_N"].astype(np.float64)
+    normal_N, tangential_N = split_force(force_N, record["ticks/normal"].astype(np.float64))
+    ramped = np.linalg.norm(np.diff(force_N, axis=0, prepend=force_N[:1]), axis=1) > _RAMP_N
+    return ContactForces(time_s(record), mode, normal_N, tangential_N, ramped)
 
 
 def time_s(record: Record) -> NDArray[np.float64]:
