@@ -1,9 +1,11 @@
-// The whole firmware with a board in memory, under any bytes on its link and any sensors. Whatever comes:
+// The whole firmware with a board in memory, under any bytes on its link, serial or CAN as the build has
+// chosen, and any sensors. Whatever comes:
 // outputs are on only after the two steps of arming, set-points are finite and within their limits, and zero
 // while outputs are off.
 #include <array>
 #include <cmath>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 #include "firmware/app/app.hpp"
@@ -19,13 +21,16 @@ using fuzz::require;
 namespace {
 
 constexpr std::uint32_t kMostTicks = 600;  // of a run
+constexpr link::FramingKind kFraming = std::is_same_v<firmware::LinkFraming, firmware::SerialFraming>
+                                           ? link::FramingKind::serial
+                                           : link::FramingKind::can_fd;
 
 // Listens on both directions of the link and knows whether the board may have its outputs on: since it last
 // had them off, the host has sent the token of a challenge that the board had answered with.
 class Witness {
  public:
   void host_said(std::span<const std::uint8_t> bytes) {
-    hear(from_host_, bytes, [this](const wire::Frame& frame) {
+    hear(*from_host_, bytes, [this](const wire::Frame& frame) {
       palpate_Command_Request_1_0 request;
       if (frame.header.specifier != wire::MessageTraits<palpate_Command_Request_1_0>::kSpecifier ||
           wire::deserialize(frame.payload, request) != Status::ok)
@@ -36,7 +41,7 @@ class Witness {
     });
   }
   void board_said(std::span<const std::uint8_t> bytes) {
-    hear(from_board_, bytes, [this](const wire::Frame& frame) {
+    hear(*from_board_, bytes, [this](const wire::Frame& frame) {
       palpate_Command_Response_1_0 response;
       if (frame.header.specifier == wire::MessageTraits<palpate_Command_Response_1_0>::kSpecifier &&
           wire::deserialize(frame.payload, response) == Status::ok && response._token != 0)
@@ -46,7 +51,7 @@ class Witness {
           wire::deserialize(frame.payload, status) == Status::ok && status._token != 0)
         token_ = status._token;
     });
-    require(from_board_.counters().refused() == 0, "the board sends good frames");
+    require(from_board_->counters().refused() == 0, "the board sends good transfers");
   }
   // After a tick.
   void outputs_are(bool on) {
@@ -60,17 +65,19 @@ class Witness {
   [[nodiscard]] std::uint32_t token() const { return token_; }
 
  private:
-  template <class Receiver, class Take>
-  static void hear(Receiver& receiver, std::span<const std::uint8_t> bytes, const Take& take) {
-    while (!bytes.empty()) {
-      const wire::Reception reception = receiver.receive(bytes);
+  template <class Take>
+  static void hear(link::Framing& framing, std::span<const std::uint8_t> bytes, const Take& take) {
+    constexpr std::uint32_t kTick = 1;  // nothing is too late to belong together
+    for (bool complete = true; !bytes.empty() || complete;) {
+      const wire::Reception reception = framing.receive(bytes, kTick);
       bytes = bytes.subspan(reception.consumed);
-      if (reception.complete) take(reception.frame);
+      complete = reception.complete;
+      if (complete) take(reception.frame);
     }
   }
 
-  wire::FrameReceiver<wire::kLargestPayloadToBoard> from_host_;
-  wire::FrameReceiver<wire::kLargestPayloadToHost> from_board_;
+  std::unique_ptr<link::Framing> from_host_ = link::make_framing(kFraming);
+  std::unique_ptr<link::Framing> from_board_ = link::make_framing(kFraming);
   std::uint32_t token_ = 0;
   bool confirmed_ = false, was_on_ = false;
 };
@@ -133,7 +140,8 @@ class Run {
                                          wire::MessageTraits<palpate_TraceRequest_1_0>::kSpecifier,
                                          wire::MessageTraits<palpate_GetInfo_Request_1_0>::kSpecifier,
                                          wire::MessageTraits<palpate_DirectForce_1_0>::kSpecifier};
-        send(fuzz::next_piece(input_, wire::kHostNode, wire::kBoardNode, kSpecifiers, transfer_id_));
+        send(fuzz::next_piece(input_, *framing_, wire::kHostNode, wire::kBoardNode, kSpecifiers,
+                              transfer_id_));
         ticks(1);
         return;
       }
@@ -166,11 +174,12 @@ class Run {
     frame_of(wire::MessageTraits<palpate_Command_Request_1_0>::kSpecifier, fuzz::payload_of(request));
   }
   void frame_of(std::uint16_t specifier, std::span<const std::uint8_t> payload) {
-    send(fuzz::frame_of({.source = wire::kHostNode,
-                         .destination = wire::kBoardNode,
-                         .specifier = specifier,
-                         .transfer_id = transfer_id_++},
-                        payload));
+    send(fuzz::transfer_of(*framing_,
+                           {.source = wire::kHostNode,
+                            .destination = wire::kBoardNode,
+                            .specifier = specifier,
+                            .transfer_id = transfer_id_++},
+                           payload));
   }
   // As a driver: what does not fit is dropped.
   void send(std::span<const std::uint8_t> bytes) {
@@ -209,6 +218,7 @@ class Run {
   }
 
   fuzz::Input& input_;
+  std::unique_ptr<link::Framing> framing_ = link::make_framing(kFraming);
   std::unique_ptr<MemoryBoard> board_;
   std::unique_ptr<Witness> witness_;
   std::unique_ptr<firmware::App<MemoryBoard>> app_;

@@ -1,5 +1,6 @@
 // Bytes on a line to frames: the same in pieces as in one, and every frame is one that could have been sent.
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "host/fuzz/input.hpp"
@@ -45,18 +46,20 @@ Heard hear(std::span<const std::uint8_t> line, std::size_t piece) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Input input(data, size);
+  const std::unique_ptr<link::Framing> framing = link::make_framing(link::FramingKind::serial);
   const std::size_t piece = 1 + input.take<std::uint8_t>();
   constexpr std::array kSpecifiers{wire::message_specifier(wire::kModelStateSubject)};
   std::uint64_t transfer_id = 0;
   std::vector<std::uint8_t> line;
   while (!input.empty()) {
-    const auto next = fuzz::next_piece(input, wire::kHostNode, wire::kBoardNode, kSpecifiers, transfer_id);
+    const auto next =
+        fuzz::next_piece(input, *framing, wire::kHostNode, wire::kBoardNode, kSpecifiers, transfer_id);
     line.insert(line.end(), next.begin(), next.end());
   }
   const Heard heard = hear(line, line.size());
   require(heard == hear(line, piece), "pieces are received as the whole is");
   for (const Received& frame : heard.frames) {
-    const Heard again = hear(fuzz::frame_of(frame.header, frame.payload), piece);
+    const Heard again = hear(fuzz::transfer_of(*framing, frame.header, frame.payload), piece);
     require(again.frames == std::vector{frame}, "a frame comes back from its encoding");
   }
   return 0;

@@ -1,7 +1,8 @@
-// The host's end of a serial link under any bytes: nothing throws, every frame is counted once, and numbers
-// that it passes on are finite.
+// The host's end of the link, serial or CAN, under any bytes: nothing throws, every transfer is counted once,
+// and numbers that it passes on are finite.
 #include <array>
 #include <cmath>
+#include <memory>
 
 #include "host/fuzz/input.hpp"
 #include "host/fuzz/line.hpp"
@@ -38,10 +39,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                    wire::MessageTraits<palpate_BasisReport_1_0>::kSpecifier,
                                    wire::MessageTraits<palpate_Command_Response_1_0>::kSpecifier,
                                    wire::MessageTraits<palpate_GetInfo_Response_1_0>::kSpecifier};
-  link::HostEndpoint host;
+  const auto kind = static_cast<link::FramingKind>(input.take<std::uint8_t>() % 3);
+  const std::unique_ptr<link::Framing> framing = link::make_framing(kind);
+  link::HostEndpoint host({.framing = kind});
   std::uint64_t transfer_id = 0, messages = 0, bytes = 0;
   for (std::uint32_t tick = 0; !input.empty(); tick += input.take<std::uint8_t>()) {
-    const auto piece = fuzz::next_piece(input, wire::kBoardNode, wire::kHostNode, kSpecifiers, transfer_id);
+    const auto piece =
+        fuzz::next_piece(input, *framing, wire::kBoardNode, wire::kHostNode, kSpecifiers, transfer_id);
     bytes += piece.size();
     for (const link::Incoming& message : host.receive(piece, tick)) {
       std::visit(Judge{}, message);

@@ -260,6 +260,7 @@ def run_clang_tidy(log: IO[str]) -> Count:
 def run_fuzz(log: IO[str]) -> Count:
     """A fixed number of executions of every fuzz target, from the same seed in each run; one test a target."""
     from palpate.fuzzing import command
+    from palpate.fuzzing.native import NotBuilt
     from palpate.fuzzing.targets import TARGETS
 
     count = Count()
@@ -267,6 +268,9 @@ def run_fuzz(log: IO[str]) -> Count:
     for target in TARGETS:
         try:
             outcome = command.run((target,), None, 1, False, lambda *_: nullcontext(lambda *_: None))[0]
+        except NotBuilt as reason:
+            count.skips.append(str(reason))
+            continue
         except RuntimeError as error:
             log.write(f"{error}\n")
             return Count(failures=["fuzz: build"])

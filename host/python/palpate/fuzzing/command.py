@@ -19,7 +19,8 @@ def run(
     progress: Callable[[str, str], AbstractContextManager[Progress]],
 ) -> list[Outcome]:
     """Fuzzes one target after another, to the first finding of each. runs: of each; None: SHORT_RUNS. keep: what was reached
-    anew goes into the repository's corpus. Raises RuntimeError where Clang cannot build them."""
+    anew goes into the repository's corpus. Raises RuntimeError where Clang cannot build them, NotBuilt (native.py) where one
+    has been left out."""
     if any(target not in python.TARGETS for target in targets):
         native.build()
     outcomes = []

@@ -20,6 +20,10 @@ _LONGEST_INPUT_BYTES = 2048
 _MOST_CORPUS_BYTES = 16_000
 
 
+class NotBuilt(RuntimeError):
+    """A target that CMake has left out."""
+
+
 def build() -> None:
     """Configures and builds all targets. Raises RuntimeError with what the tools said."""
     for command in (
@@ -33,7 +37,9 @@ def build() -> None:
 
 def run(target: str, runs: int, seed: int, folder: Path, progress: Progress) -> Outcome:
     """So many executions of a target; inputs that reach something new are added to `folder`/corpus. Runs to the end or to
-    the first finding."""
+    the first finding. Raises NotBuilt."""
+    if not Path(_command(target)[0]).is_file():
+        raise NotBuilt(f"fuzz {target}: not built, for want of what it links: the crate of TinyUSB (cargo)")
     corpus = unpack(target, folder)
     command = [
         *_command(target),

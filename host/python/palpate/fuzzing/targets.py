@@ -11,6 +11,8 @@ SHORT_RUNS = {
     "basis_file": 20_000,
     "renderer": 2_000,
     "board": 2_000,
+    "board_can": 2_000,
+    "usb": 5_000,
     "scene": 1_000,
     "record": 200,
 }
