@@ -13,6 +13,7 @@ from palpate.gui.body_view import COLOURINGS  # noqa: E402
 from palpate.paths import SCENES  # noqa: E402
 
 RENDER, FAULT, IDLE = 3, 4, 1
+LINK_LOST = 1 << 9
 
 
 def wait_for_mode(app, mode):
@@ -116,6 +117,22 @@ def stages(app):
     yield from wait_for_mode(app, FAULT)
     app.set_emergency_stop(False)
     yield from wait_ticks(app, 50)
+    app.live.command("clear_fault")
+    yield from wait_for_mode(app, IDLE)
+
+    # The cable out: the board is silent, and renders again by itself when it is in again, but not after 10 s.
+    app.live.arm()
+    yield from wait_for_mode(app, RENDER)
+    for out_s, mode in ((2.0, RENDER), (12.0, FAULT)):
+        app.set_unplugged(True)
+        while app.live.silence_s < out_s:
+            yield
+        assert app.live.status["board_mode"] == RENDER  # when it was last heard
+        app.set_unplugged(False)
+        while app.live.silence_s > 0.2:
+            yield
+        yield from wait_for_mode(app, mode)
+    assert app.live.status["board_faults"] == LINK_LOST
     app.live.command("clear_fault")
     yield from wait_for_mode(app, IDLE)
 

@@ -127,6 +127,7 @@ nb::dict status(const host::LiveFeed& feed) {
   result["up"] = medium_counters(now.up);
   result["board_heard"] = now.board.has_value();
   const palpate_BoardStatus_1_0 board = now.board.value_or(palpate_BoardStatus_1_0{});
+  result["board_tick"] = board.tick;
   result["board_mode"] = board.mode;
   result["board_faults"] = board.faults;
   result["board_last_status"] = board.last_status;

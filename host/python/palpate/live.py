@@ -238,6 +238,11 @@ class Live:
         return bool(self.status["running"])
 
     @property
+    def silence_s(self) -> float:
+        """For how long the board has not said how it is, which it does every 100 ms; 0 before it has said so once."""
+        return max(0, self.status["tick"] - self.status["board_tick"]) * 1e-3 if self.status["board_heard"] else 0.0
+
+    @property
     def recording_problem(self) -> str | None:
         """Why the recording that is open takes no more rows; None: all is well."""
         return None if self._recorder is None else self._recorder.problem

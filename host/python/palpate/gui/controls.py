@@ -34,6 +34,7 @@ _WARNING = (1.0, 0.70, 0.30, 1.0)
 _FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
+_SILENT_s = 0.5  # without a word of the board
 _OLD_MODEL_s = 0.5  # half of what a board renders before the force fades
 # Also for values that are typed in.
 _CLAMP = psim.ImGuiSliderFlags_AlwaysClamp
@@ -84,7 +85,12 @@ class Controls:
         mode = MODES[min(live.status["board_mode"], len(MODES) - 1)] if live.status["board_heard"] else "boot"
         if not live.status["link_is_open"]:
             psim.TextColored(_BAD, "the link has gone: waiting for it")
-        psim.TextColored(_MODE_COLOURS[mode], f"board {live.board_name}: {mode}")
+        silent = live.silence_s > _SILENT_s
+        psim.TextColored(_DULL if silent else _MODE_COLOURS[mode], f"board {live.board_name}: {mode}{' when last heard' if silent else ''}")
+        if silent:
+            psim.TextColored(_WARNING, f"silent for {live.silence_s:.1f} s: without a host a\nboard switches its outputs off")
+        if mode == "suspended":
+            psim.TextColored(_WARNING, "goes on by itself with the next model")
         for name in fault_names(live.status["board_faults"]):
             psim.TextColored(_BAD, f"  {name}")
         psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
