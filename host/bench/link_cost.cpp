@@ -133,6 +133,7 @@ HostMessageCost decoding(const char* name, const Message& message, link::Framing
   const auto framing = link::make_framing(kind);
   // So many that none is taken for a copy of the one before, on CAN neither.
   std::vector<Bytes> transfers;
+  transfers.reserve(kBlock);
   for (std::size_t i = 0; i < kBlock; ++i) transfers.push_back(from_board(*framing, message, i));
   HostMessageCost cost{.message = name,
                        .message_bytes = wire::payload_bytes(message),

@@ -23,7 +23,7 @@ struct Delay {
 // Ticks never decrease. One thread.
 class DelayLine {
  public:
-  DelayLine() = default;
+  DelayLine() : DelayLine({}, 0) {}
   DelayLine(std::vector<Delay> delays, std::uint32_t seed) : delays_(std::move(delays)), random_(seed) {}
 
   void submit(std::vector<std::uint8_t> bytes, std::uint32_t tick) {
@@ -46,7 +46,7 @@ class DelayLine {
 
  private:
   std::vector<Delay> delays_;
-  std::mt19937 random_{};
+  std::mt19937 random_;
   std::uint32_t last_due_ = 0;
   std::deque<std::pair<std::uint32_t, std::vector<std::uint8_t>>> waiting_;
 };

@@ -105,7 +105,7 @@ std::optional<SurfacePoint> Session::focus(std::uint32_t tick) const {
   if (contact_.mode != ContactMode::free)
     return SurfacePoint{static_cast<int>(contact_.triangle), to_eigen(contact_.barycentric)};
   const Eigen::Vector3d tip = to_eigen(path_.at(tick));
-  const SurfacePoint nearest = nearest_surface_point(body_, surface_.state().position_m, tip);
+  SurfacePoint nearest = nearest_surface_point(body_, surface_.state().position_m, tip);
   const double distance = (surface_position_m(body_, surface_.state().position_m, nearest) - tip).norm();
   if (distance > reach_m()) return std::nullopt;
   return nearest;

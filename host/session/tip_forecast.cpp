@@ -27,7 +27,7 @@ std::optional<SurfacePoint> TipForecast::place(double ticks, double within_m) co
                                      .normalized();
   const Eigen::Vector3d below_m = surface_position_m(body_, position_m, below_);
   then_m -= std::min(0.0, (then_m - below_m).dot(normal)) * normal;
-  const SurfacePoint nearest = nearest_surface_point(body_, position_m, then_m);
+  SurfacePoint nearest = nearest_surface_point(body_, position_m, then_m);
   if ((surface_position_m(body_, position_m, nearest) - then_m).norm() > within_m) return std::nullopt;
   return nearest;
 }

@@ -140,6 +140,7 @@ void bind_model(nb::module_& module) {
           "compliance_m_N",
           [](const BuiltModel& b, const Times& frequency_Hz) {
             std::vector<Eigen::Matrix3cd> values;
+            values.reserve(frequency_Hz.shape(0));
             for (std::size_t i = 0; i < frequency_Hz.shape(0); ++i)
               values.push_back(host::compliance(b.model, b.at, angular(frequency_Hz.data()[i])));
             return by_frequency(values);

@@ -59,6 +59,7 @@ nb::dict simulate(const nb::dict& scene, const nb::callable& progress) {
     result["tip/triangle"] = column<std::uint32_t>(run.triangle, [](std::uint32_t t) { return t; });
   }
   std::vector<double> export_time_s;
+  export_time_s.reserve(config.export_ticks.size());
   for (const std::uint32_t tick : config.export_ticks) export_time_s.push_back(tick * kTick_s);
   result["nodes/time_s"] = array(std::move(export_time_s));
   const auto nodes = static_cast<std::size_t>(body.node_count());
