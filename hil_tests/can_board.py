@@ -81,17 +81,17 @@ class CanBoard(GsUsbAdapter):
         channel.send_hello()
         due_s = time.monotonic()
         while True:
-            while channel.has_something(max(0.0, due_s - time.monotonic())):
-                packet = channel.receive()
-                if packet is None:
-                    return False
-                self._handle(*packet)
-                self._answer_requests()
+            if not channel.handle_until(due_s, self._take_packet):
+                return False
             due_s = max(due_s + TICK_s, time.monotonic())
             # What the guest has not fetched holds the board up, not the bus.
             if self._is_up and len(self._messages) < 64:
                 self._tick()
                 self._answer_requests()
+
+    def _take_packet(self, kind: int, identifier: int, body: bytes) -> None:
+        self._handle(kind, identifier, body)
+        self._answer_requests()
 
     def _tick(self) -> None:
         link, self._to_board = self._to_board[:2048], self._to_board[2048:]

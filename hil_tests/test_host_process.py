@@ -10,12 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from test_live import DEADLINE_S, SCENES, SMALL, wait
 
 from palpate.live import Live
 from palpate.scene import load_scene
 from palpate.virtual_device import VirtualDevice
 
+pytestmark = pytest.mark.real_time
 ROOT = Path(__file__).resolve().parent.parent
 ABOVE_M, PRESSED_M = [-0.005, 0.0, -0.018], [-0.005, 0.0, -0.024]
 IDLE = 1

@@ -45,11 +45,8 @@ class UsbBoard:
         channel.send_hello()
         due_s = time.monotonic()
         while True:
-            while channel.has_something(max(0.0, due_s - time.monotonic())):
-                packet = channel.receive()
-                if packet is None:
-                    return False
-                self._handle(*packet)
+            if not channel.handle_until(due_s, self._handle):
+                return False
             # Late: what is missed is not made up for.
             due_s = max(due_s + _TICK_s, time.monotonic())
             self._host.tick()

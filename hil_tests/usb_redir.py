@@ -10,7 +10,8 @@ import select
 import socket
 import struct
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 # Packet types (usb-redir-protocol.txt of usbredir)
@@ -250,6 +251,15 @@ class Channel:
                 raise ValueError(f"QEMU's usb-redir lacks capabilities: {capabilities:#x}, needed {_CAPABILITIES:#x}")
             self._head = struct.Struct("<IIQ")
         return kind, identifier, body
+
+    def handle_until(self, due_s: float, handle: Callable[[int, int, bytes], None]) -> bool:
+        """Packets up to a time of time.monotonic(). False: the host has hung up."""
+        while self.has_something(max(0.0, due_s - time.monotonic())):
+            packet = self.receive()
+            if packet is None:
+                return False
+            handle(*packet)
+        return True
 
     def _take(self, length: int) -> bytes | None:
         while len(self._received) < length:

@@ -10,8 +10,8 @@ import numpy as np
 
 from palpate import _core
 from palpate.body import Floats
+from palpate.record_layout import BOARD_MODES
 
-MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 # palpate.Command
 _ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP = range(1, 7)
 _TICKS_PER_S = 1000
@@ -42,7 +42,7 @@ class BoardInfo:
 class BoardState:
     """The newest BoardStatus, and tip and force of the newest tick of a ServoTrace, if one came since.
 
-    tick: of the board's clock, 1 ms. mode: one of MODES. faults: bits of docs/safety.md. tip_m, force_N (3,): device frame;
+    tick: of the board's clock, 1 ms. mode: one of BOARD_MODES. faults: bits of docs/safety.md. tip_m, force_N (3,): device frame;
     None: no trace has come.
     """
 
@@ -109,7 +109,7 @@ class BoardLink:
         trace = self._trace
         return BoardState(
             tick=status["tick"],
-            mode=MODES[status["mode"]],
+            mode=BOARD_MODES[status["mode"]],
             faults=status["faults"],
             models_taken=status["models_taken"],
             frames_refused=status["frames_refused"],
@@ -162,7 +162,7 @@ class BoardLink:
         self._link.write(frame)
         answer = self._wait("Command", transfer_id)
         if answer["status"] != 0:
-            mode = MODES[answer["mode"]]
+            mode = BOARD_MODES[answer["mode"]]
             raise BoardLinkError(
                 f"{self.name}: {what}: refused in mode {mode} with status {answer['status']}: docs/safety.md has the conditions"
             )

@@ -2,8 +2,8 @@
 
 import json
 import time
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Collection, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -31,6 +31,18 @@ class Progress(Protocol):
     """Opens a progress bar for one phase of the work."""
 
     def __call__(self, label: str, unit: str) -> AbstractContextManager[ProgressBar]: ...
+
+
+def refuse_foreign_files(out: Path, own: Collection[str], command: str) -> None:
+    """Raises SceneError where the folder `out` is there and holds other files than `own`."""
+    for entry in sorted(out.iterdir()) if out.exists() else ():
+        if entry.name not in own:
+            raise SceneError(f"--out = {out}: holds {entry.name}, which {command} does not write; choose another")
+
+
+def no_progress(label: str, unit: str) -> AbstractContextManager[ProgressBar]:
+    """A Progress that shows nothing: for one run of many, which have a bar of their own."""
+    return nullcontext(lambda done, total: True)
 
 
 @dataclass(frozen=True)

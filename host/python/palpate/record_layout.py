@@ -38,6 +38,8 @@ def _update(name: str, dtype: str, unit: str, description: str) -> Dataset:
 
 
 CONTACT_MODES = ("free", "stick", "slip")
+# palpate.BoardStatus MODE_*, by number.
+BOARD_MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 
 # One row per servo tick; "the board says" is telemetry that does not cross the link.
 TICKS = (
@@ -64,7 +66,7 @@ TICKS = (
         "",
         "unit outward normal in which the force was found; zero when free, and where the force is held (`model.feedback`)",
     ),
-    _tick("mode", "u1", 0, "", "the board's mode: 0 boot, 1 idle, 2 calibrate, 3 render, 4 fault, 5 direct, 6 suspended"),
+    _tick("mode", "u1", 0, "", f"the board's mode: {', '.join(f'{number} {name}' for number, name in enumerate(BOARD_MODES))}"),
     _tick("faults", "u4", 0, "", "bits of the board's latched faults"),
     _tick("model_sequence", "u4", 0, "", "number of the local model that was rendered; 0: none"),
     _tick("model_age_ticks", "u4", 0, "ticks", "age of that model's own state"),

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.body import Floats, vector3
-from palpate.board_link import MODES
 from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
+from palpate.record_layout import BOARD_MODES
 from palpate.scene import Scene, SceneError
 
 PSEUDO_TERMINAL = "pty:"
@@ -39,7 +39,7 @@ def _medium_of(address: str) -> str:
 @dataclass(frozen=True)
 class VirtualDeviceState:
     """The newest tick. tip_m: where the tip is, not what the encoders say; hand_force_N: of the hand on the tool; force_N: that
-    the tip pushes the hand with, after the board's limits; all (3,), device frame. mode: one of `board_link.MODES`. slipped_s:
+    the tip pushes the hand with, after the board's limits; all (3,), device frame. mode: one of `record_layout.BOARD_MODES`. slipped_s:
     wall-clock time that went on without the device, on a computer too busy for it."""
 
     tick: int
@@ -121,7 +121,7 @@ class VirtualDevice:
             raise BoardError(self._board.failure() or now["error"])
         names = VirtualDeviceState.__dataclass_fields__
         values: dict[str, Any] = {name: now[name] for name in names}
-        values["mode"] = MODES[now["mode"]]
+        values["mode"] = BOARD_MODES[now["mode"]]
         values["force_N"] = -now["force_N"].astype(np.float64)  # the firmware's is that of the tip on the body
         return VirtualDeviceState(**values)
 

@@ -13,6 +13,7 @@ from command import palpate
 from palpate.faults import cases, command, rules
 from palpate.faults.rules import Run, judge
 from palpate.paths import ROOT
+from palpate.record_layout import BOARD_MODES
 from palpate.scene import SceneError, load_scene
 
 VALID_TICKS = 200
@@ -112,7 +113,7 @@ def test_a_fault_that_is_to_cut_must_cut_in_its_tick():
 
     def stop(run: Run, off: int) -> None:
         run.values["ticks/faults"][1000:] = 1
-        run.values["ticks/mode"][1000:] = rules.MODES.index("fault")
+        run.values["ticks/mode"][1000:] = BOARD_MODES.index("fault")
         for name in ("ticks/force_N", "ticks/setpoint_A", "ticks/enabled"):
             run.values[name][off:] = 0
 

@@ -2,13 +2,12 @@
 
 import json
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from palpate import __version__, experiment
-from palpate.experiment import ProgressBar
+from palpate.experiment import Progress, refuse_foreign_files
 from palpate.faults import picture
 from palpate.faults.cases import Case, all_cases, chosen
 from palpate.faults.rules import Result, Run, judge, stiffness_N_m
@@ -17,28 +16,11 @@ from palpate.scene import SceneError, load_scene
 
 SCENE = SCENES / "faults.toml"
 RESULTS, PICTURE = "faults.json", "faults.png"
-BOARDS = ("native", "mps2_an386")
-OpenBar = Callable[[str, str], AbstractContextManager[ProgressBar]]
-
-
-class _Silent:
-    """The progress of one run within the matrix: that of the matrix is shown."""
-
-    def __call__(self, label: str, unit: str) -> "_Silent":
-        return self
-
-    def __enter__(self) -> ProgressBar:
-        return lambda done, total: True
-
-    def __exit__(self, *error: object) -> None:
-        return None
 
 
 def check_folder(out: Path) -> None:
     """Raises SceneError where `out` holds what this command does not write."""
-    for entry in sorted(out.iterdir()) if out.exists() else ():
-        if entry.name not in (RESULTS, PICTURE):
-            raise SceneError(f"--out = {out}: holds {entry.name}, which palpate bench faults does not write; choose another")
+    refuse_foreign_files(out, (RESULTS, PICTURE), "palpate bench faults")
 
 
 def choose(names: Sequence[str] | None, quick: bool) -> tuple[Case, ...]:
@@ -58,12 +40,12 @@ def _run(core: Any, case: Case | None, board: str) -> tuple[Run, int]:
     if case and case.duration_s is not None:
         overrides["duration_s"] = case.duration_s
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
-    done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], _Silent())
+    done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], experiment.no_progress)
     removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
     return Run(done.values, done.counters, removed), scene.sections.model.valid_ticks
 
 
-def run_matrix(core: Any, cases: Sequence[Case], board: str, progress: OpenBar) -> tuple[Run, list[Result]]:
+def run_matrix(core: Any, cases: Sequence[Case], board: str, progress: Progress) -> tuple[Run, list[Result]]:
     """The run without faults, and every case held against it. Raises what `experiment.run` does."""
     results = []
     with progress(f"fault matrix on {board}", "run") as bar:
@@ -99,7 +81,7 @@ def to_dict(good: Run, results: Sequence[Result], board: str, quick: bool) -> di
 
 
 def bench_faults(
-    core: Any, names: Sequence[str] | None, quick: bool, board: str, out: Path, progress: OpenBar
+    core: Any, names: Sequence[str] | None, quick: bool, board: str, out: Path, progress: Progress
 ) -> tuple[dict[str, Any], list[Result]]:
     """Runs the matrix, writes faults.json and faults.png there, and returns the file's content with `files`, and the results.
 

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.faults.cases import CUT, Case
+from palpate.record_layout import BOARD_MODES
 
-# Modes of the board: firmware/core/supervisor.hpp.
-MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
-RENDER = MODES.index("render")
+RENDER = BOARD_MODES.index("render")
 # Limits of the firmware, firmware/core/supervisor.hpp; a test holds them against it.
 PEAK_FORCE_N = 8.5
 MOTOR_CURRENT_A = 7.0
@@ -95,13 +94,13 @@ def stiffness_N_m(good: Run) -> float:
     return float((good.force_N[deep] / good.depth_m[deep]).max())
 
 
-def _excess_N(good: Run, run: Run) -> float:
+def _excess_N(good: Run, run: Run, valid_ticks: int) -> float:
     """By how much rule 3 is exceeded at most; negative: what is left of it."""
     rows = np.minimum(np.searchsorted(good.values["ticks/tick"], run.values["ticks/tick"]), len(good.force_N) - 1)
     bound_N = np.maximum(good.force_N[rows], STIFFNESS_SLACK * stiffness_N_m(good) * run.depth_m) + FORCE_SLACK_N
-    # A silent link is damped.
+    # A silent link is damped, once its model has faded.
     model_age = run.values["ticks/model_age_ticks"]
-    damped = (model_age > FADE_TICKS) & (run.mode == RENDER)
+    damped = (model_age >= valid_ticks + FADE_TICKS) & (run.mode == RENDER)
     bound_N = np.where(damped, np.maximum(bound_N, DAMPING_FORCE_N), bound_N)
     return float((run.force_N - bound_N).max())
 
@@ -119,7 +118,7 @@ def judge(case: Case, good: Run, run: Run, valid_ticks: int) -> Result:
         "current_A": float(setpoint_A.max()),
         "speed_m_s": float(run.speed_m_s.max()),
         "step_N": float(run.step_N.max()),
-        "excess_N": _excess_N(good, run),
+        "excess_N": _excess_N(good, run, valid_ticks),
     }
     for name, limit in (("force_N", PEAK_FORCE_N), ("current_A", MOTOR_CURRENT_A), ("speed_m_s", TIP_SPEED_M_S)):
         if not numbers[name] <= limit + ROUNDING:
@@ -183,7 +182,7 @@ def _losses(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
 
 
 def _judge_end(case: Case, run: Run, end_tick: int, valid_ticks: int, numbers: dict[str, Any], broken: list[str]) -> None:
-    mode = MODES[int(run.mode[-1])]
+    mode = BOARD_MODES[int(run.mode[-1])]
     faults = int(run.values["ticks/faults"][-1])
     numbers["ends_in"] = mode
     if mode != case.ends_mode or faults != case.faults:

@@ -12,11 +12,11 @@ from palpate.gui.body_view import COLOURINGS
 from palpate.gui.settings import BAUDS, BUILDERS
 from palpate.hil import BOARDS
 from palpate.paths import SCENES
+from palpate.record_layout import BOARD_MODES
 
 if TYPE_CHECKING:
     from palpate.gui.app import App
 
-MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 # Bits of BoardStatus.faults (docs/safety.md).
 FAULTS = (
     "emergency stop", "stop command", "not a number", "encoder jump", "over speed", "outside workspace",
@@ -82,7 +82,7 @@ class Controls:
 
     def _safety(self, app: "App") -> None:
         live = app.live
-        mode = MODES[min(live.status["board_mode"], len(MODES) - 1)] if live.status["board_heard"] else "boot"
+        mode = BOARD_MODES[min(live.status["board_mode"], len(BOARD_MODES) - 1)] if live.status["board_heard"] else "boot"
         if not live.status["link_is_open"]:
             psim.TextColored(_BAD, "the link has gone: waiting for it")
         silent = live.silence_s > _SILENT_s

@@ -1,21 +1,17 @@
 """`palpate bench links`: from the runs to links.json, a picture and tables."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.experiment import ProgressBar
+from palpate.experiment import Progress, ProgressBar, refuse_foreign_files
 from palpate.link_bench import costs, pictures, runs
 from palpate.link_bench.runs import LinkRun
 from palpate.paths import SCENES
-from palpate.scene import SceneError
-
-OpenBar = Callable[[str, str], AbstractContextManager[ProgressBar]]
 
 SCENE = SCENES / "links.toml"
 RESULTS, PICTURE = "links.json", "links_latency.png"
@@ -26,16 +22,16 @@ _BASES_ON = ("can 1M", "canfd 1M/5M")
 QUICK_MEDIA = ("canfd 1M/5M", "usb full speed")
 QUICK: dict[str, Any] = {"body.nodes": [6, 6, 6], "body.origin_m": [-0.025, -0.025, -0.07], "duration_s": 1.0}
 _QUICK_MOST_HZ = 40
+# Of a search for the highest rate: halvings of 250 Hz down to 1.
+_MOST_RUNS = 8
 
 
 def check_folder(out: Path) -> None:
     """Raises SceneError where `out` holds what this command does not write."""
-    for entry in sorted(out.iterdir()) if out.exists() else ():
-        if entry.name not in (RESULTS, PICTURE):
-            raise SceneError(f"--out = {out}: holds {entry.name}, which palpate bench links does not write; choose another")
+    refuse_foreign_files(out, (RESULTS, PICTURE), "palpate bench links")
 
 
-def bench_links(core: Any, quick: bool, out: Path, progress: OpenBar) -> dict[str, Any]:
+def bench_links(core: Any, quick: bool, out: Path, progress: Progress) -> dict[str, Any]:
     """Measures, writes links.json and the picture to `out`, and returns the file's content with `files`. Raises SceneError,
     hil.BoardError, or what the core raises."""
     check_folder(out)
@@ -72,23 +68,25 @@ def _measure(
 ) -> tuple[list[LinkRun], dict[tuple[str, str], LinkRun | None]]:
     """At 30 Hz; and the highest rates by medium and model."""
     done: dict[tuple[str, str, int], LinkRun] = {}
+    asked = [(medium, "hybrid") for medium in media]
+    asked += [(medium, model) for medium in media if medium in _BASES_ON for model in ("patch", "krylov")]
+    most = len(media) + 2 + _MOST_RUNS * len(asked)
 
     def measure(medium: str, model: str, rate_Hz: int) -> LinkRun:
         key = medium, model, rate_Hz
         if key not in done:
             scene = runs.scene_of(SCENE, medium, model, rate_Hz, overrides, None)
             done[key] = runs.run(core, scene, medium, model, rate_Hz)
-            bar(len(done), len(done))
+            bar(min(len(done), most), most)
         return done[key]
 
     usual = [measure(medium, "hybrid", runs.USUAL_HZ) for medium in media]
     usual += [measure("usb full speed", model, runs.USUAL_HZ) for model in ("patch", "krylov")]
-    asked = [(medium, "hybrid") for medium in media]
-    asked += [(medium, model) for medium in media if medium in _BASES_ON for model in ("patch", "krylov")]
     highest = {
         (medium, model): runs.highest_held(lambda rate_Hz, m=medium, b=model: measure(m, b, rate_Hz), most_Hz)  # type: ignore[misc]
         for medium, model in asked
     }
+    bar(most, most)
     return usual, highest
 
 

@@ -1,7 +1,6 @@
 """One run of the bench's scene over a medium, and the highest update rate that the medium holds."""
 
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import experiment
-from palpate.experiment import ProgressBar
 from palpate.scene import Scene, load_scene
 
 # Of a scene's link.
@@ -66,15 +64,10 @@ def scene_of(file: Path, medium: str, model: str, rate_Hz: int, overrides: Mappi
     return load_scene(file, keys, board)
 
 
-def no_progress(label: str, unit: str) -> nullcontext[ProgressBar]:
-    """The bench has a bar of its own."""
-    return nullcontext(lambda done, total: True)
-
-
 def run(core: Any, scene: Scene, medium: str, model: str, rate_Hz: int) -> LinkRun:
     """Raises hil.BoardError, or what the core raises."""
     path = scene.require_path()
-    done = experiment.run_firmware(core, scene, scene.to_dict(), path.position_m[0], no_progress)
+    done = experiment.run_firmware(core, scene, scene.to_dict(), path.position_m[0], experiment.no_progress)
     return judge(done.values, done.counters, done.link, scene, medium, model, rate_Hz)
 
 
