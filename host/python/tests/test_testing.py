@@ -142,3 +142,11 @@ def test_commands_that_fail_or_do_not_exist(tmp_path: Path) -> None:
     text = (tmp_path / "log").read_text()
     assert "out\n" in text and "err\n" in text
     assert "cannot start /nowhere/tool: No such file or directory" in text
+
+
+def test_clang_tidys_findings_are_named_once_by_their_path_in_the_repository() -> None:
+    finding = f"{testing.ROOT}/host/link/a.cpp:3:5: error: looks wrong [bugprone-x,-warnings-as-errors]"
+    output = "\n".join(["[1/2][0.1s] clang-tidy a.cpp", finding, "    3 |   a;", "/b.hpp:1:2: note: here", finding])
+    assert testing.clang_tidy_findings(output) == [
+        "host/link/a.cpp:3:5: error: looks wrong [bugprone-x,-warnings-as-errors]"
+    ]
