@@ -105,10 +105,10 @@ bool Renderer::sample(std::uint32_t tick, ServoSample& out) const {
 }
 
 Status Renderer::decode(std::span<const std::uint8_t> payload) {
-  if (payload.data() == nullptr)
-    return Status::payload_malformed;  // the generated decoder takes it for zeros
+  const std::uint8_t* bytes = payload.data();
+  if (bytes == nullptr) return Status::payload_malformed;  // the generated decoder takes it for zeros
   std::size_t size = payload.size();
-  const std::int8_t result = palpate_ModelState_1_0_deserialize_(&message_, payload.data(), &size);
+  const std::int8_t result = palpate_ModelState_1_0_deserialize_(&message_, bytes, &size);
   if (result == -NUNAVUT_ERROR_REPRESENTATION_BAD_ARRAY_LENGTH) return Status::model_too_large;
   if (result < 0) return Status::payload_malformed;
   if (message_.schema_hash != schema_hash_) return Status::schema_mismatch;
