@@ -1,7 +1,7 @@
 """A board in lock-step with a plant, on the bus of a CAN adapter that a guest (linux_guest.py) has in its USB port: records of
 CAN frames (docs/protocol.md) on the board's side, candleLight's frames on the other.
 
-The board's ticks come as the guest takes them: never faster than one in TICK_s, later where it is busy; such a run does not repeat.
+The board's ticks come as the guest takes them: never faster than one in `tick_s`, later where it is busy; such a run does not repeat.
 """
 
 import struct
@@ -62,10 +62,11 @@ class RecordReader:
 
 class CanBoard(GsUsbAdapter):
     """Takes the place of the adapter's own answering node: a board that speaks classic CAN, and one that speaks CAN FD. As the interface
-    is brought up, the one or the other is on the bus."""
+    is brought up, the one or the other is on the bus. `tip_m` has by tick what the board on each knew of its tip."""
 
-    def __init__(self, classic: Lockstep, fd: Lockstep) -> None:
+    def __init__(self, classic: Lockstep, fd: Lockstep, tick_s: float = TICK_s) -> None:
         super().__init__()
+        self._tick_s = tick_s
         self._boards = {False: (classic, pressing_plant()), True: (fd, pressing_plant())}
         for board, _ in self._boards.values():
             board.reader = RecordReader()
@@ -73,6 +74,7 @@ class CanBoard(GsUsbAdapter):
         self._to_board = b""
         self._is_up = self._is_fd = False
         self.largest_force_N = {"can_classic": 0.0, "can_fd": 0.0}
+        self.tip_m: dict[str, dict[int, list[float]]] = {"can_classic": {}, "can_fd": {}}
 
     def serve(self, channel: object) -> bool:
         self._channel = channel
@@ -83,7 +85,7 @@ class CanBoard(GsUsbAdapter):
         while True:
             if not channel.handle_until(due_s, self._take_packet):
                 return False
-            due_s = max(due_s + TICK_s, time.monotonic())
+            due_s = max(due_s + self._tick_s, time.monotonic())
             # What the guest has not fetched holds the board up, not the bus.
             if self._is_up and len(self._messages) < 64:
                 self._tick()
@@ -99,6 +101,7 @@ class CanBoard(GsUsbAdapter):
         actuators = self._board.tick(encoder=tuple(map(int, counts)), current_A=tuple(map(float, currents)), link=link)
         name = "can_fd" if self._is_fd else "can_classic"
         self.largest_force_N[name] = max(self.largest_force_N[name], float(np.linalg.norm(actuators["force_N"])))
+        self.tip_m[name][int(actuators["tick"])] = actuators["tip_m"].tolist()
         self._plant.advance(np.asarray(actuators["setpoint_A"], dtype=np.float64), bool(actuators["enabled"]))
         for frame in self._board.frames:
             flags = _FLAG_FD | _FLAG_BIT_RATE_SWITCH if frame.is_fd else 0

@@ -1,17 +1,24 @@
 """The board as a node on a CAN bus, in the eyes of pycyphal's application layer: found by its heartbeat, asked who it is, listened
-to and commanded. The firmware is a board in lock-step, its frames on python-can's virtual bus; on a serial line: test_cyphal_node.py.
+to and commanded. The firmware is a board in lock-step, its frames on python-can's virtual bus, or on the bus of an adapter that
+a real kernel (linux_guest.py) makes can0 of, for SocketCAN; on a serial line: test_cyphal_node.py.
 """
 
 import asyncio
 import itertools
+import json
+import pathlib
+import sys
 
 import can
 import pytest
-from board_peer import OK, lockstep
-from can_board import LENGTHS, CanFrame, RecordReader
+from board_peer import FAULT_STOP_COMMAND, MODE_FAULT, OK, lockstep
+from can_board import LENGTHS, CanBoard, CanFrame, RecordReader
+from linux_guest import CAN_MODULES, run_in_guest, usb_port
 from pycyphal.transport.can import CANTransport
 from pycyphal.transport.can.media.pythoncan import PythonCANMedia
+from test_can_session import CAN0_UP
 from test_cyphal_node import DEADLINE_S, PUBLIC_TYPES, application, messages, text  # noqa: F401  (fixtures)
+from usb_redir import plugged_in
 from wire_peer import BOARD, HOST
 
 pytestmark = pytest.mark.skipif(not PUBLIC_TYPES.exists(), reason="Cyphal's public definitions are not unpacked: ./run does it where there is cargo")
@@ -83,3 +90,38 @@ def test_is_a_node_among_nodes_on_can(application, messages, tmp_path, framing):
     with lockstep(f"mps2_{framing}", tmp_path / "board") as board:
         status = asyncio.run(run(board))
     assert (status.frames_refused, status.frames_lost, status.last_status) == (0, 0, OK)
+
+
+CLIENT = pathlib.Path(__file__).with_name("cyphal_can_client.py")
+# Far above what the slowest machine needs: a guest that needs it has hung.
+GUEST_DEADLINE_S = 500.0
+# A heartbeat comes every 1,000 ticks, and a guest takes what pycyphal has not subscribed to without pycyphal.
+GUEST_TICK_s = 4e-3
+
+
+@pytest.mark.slow
+def test_is_a_node_among_nodes_on_can_of_a_real_kernel(application, messages, tmp_path):  # noqa: F811
+    """can0 on classic CAN, then on CAN FD, in one guest: its start and pycyphal's imports take most of the time."""
+    import uavcan
+
+    folders = ":".join(str(pathlib.Path(package.__path__[0]).parent) for package in (messages, uavcan))
+    command = [sys.executable, str(CLIENT), "/run/share/answers", folders]
+    for framing, mtu in ("can_classic", 8), ("can_fd", 64):
+        command += [framing, str(mtu), "can0", CAN0_UP[framing]]
+    (tmp_path / "guest").mkdir()
+    with lockstep("mps2_can_classic", tmp_path / "classic") as classic, lockstep("mps2_can_fd", tmp_path / "fd") as fd, usb_port() as port:
+        bus = CanBoard(classic, fd, GUEST_TICK_s)
+        with plugged_in(bus, port):
+            guest = run_in_guest(command, tmp_path / "guest", deadline_s=GUEST_DEADLINE_S, modules=CAN_MODULES, usb=port)
+    assert guest.exit_code == 0, guest.output
+    answers = json.loads((tmp_path / "guest/share/answers").read_text("ascii"))
+    assert list(answers) == ["can_classic", "can_fd"]
+    for framing, heard in answers.items():
+        assert {number: node["name"] for number, node in heard["nodes"].items()} == {str(BOARD): "org.palpate.mps2_an386"}
+        assert heard["command"] == {"status": OK, "mode": MODE_FAULT}
+        for trace in heard["traces"]:
+            ticks = range(trace["first_tick"], trace["first_tick"] + len(trace["tip_m"]))
+            assert len(ticks) == 4 and trace["tip_m"] == [bus.tip_m[framing][tick] for tick in ticks]
+            assert any(any(tip_m) for tip_m in trace["tip_m"])  # the arm has left the origin
+        status = heard["status"]
+        assert (status["frames_refused"], status["frames_lost"], status["last_status"], status["faults"]) == (0, 0, OK, FAULT_STOP_COMMAND)
