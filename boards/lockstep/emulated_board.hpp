@@ -31,6 +31,8 @@ concept Platform = requires(P& platform, const P& constant, std::span<std::byte>
   // Test inputs. Interrupt context.
   { platform.burn() } -> std::same_as<void>;
   { platform.crash() } -> std::same_as<void>;
+  // Starts the firmware again, with nothing of what it knew; does not return.
+  { platform.reset() } -> std::same_as<void>;
   // Without a plant: sends what the line takes. Background context.
   { platform.transmit(link) } -> std::same_as<void>;
 };
@@ -68,6 +70,7 @@ class EmulatedBoard {
         sensors.link_length > lockstep::kLinkBytesPerTick) {
       platform_.exit(lockstep::ExitCode::protocol_error);
     }
+    if ((sensors.flags & lockstep::kReset) != 0) platform_.reset();
     wire_.isr_receive(std::span(sensors.link).first(sensors.link_length));
     if ((sensors.flags & lockstep::kCrash) != 0) platform_.crash();
     if ((sensors.flags & lockstep::kBurnCycles) != 0) platform_.burn();

@@ -28,6 +28,9 @@ enum SensorFlag : std::uint32_t {
   kBurnCycles = 1u << 2,     // test input: compute for 2.5 ticks more; no effect where the board has no clock
   kCrash =
       1u << 3,  // test input: run into a processor fault, which ends the run with ExitCode::processor_fault
+  // Test input: start again, as after a moment without power. There is no ActuatorFrame for this SensorFrame;
+  // the board reads another one next, of its new tick 0.
+  kReset = 1u << 4,
 };
 
 // What the board's process ends with.

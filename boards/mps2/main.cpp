@@ -100,9 +100,7 @@ void uart1_receive_handler() {
   if (platform == nullptr || platform->has_plant()) {
     palpate::board::semihosting::exit(static_cast<int>(palpate::lockstep::ExitCode::processor_fault));
   }
-  palpate::board::reset_control() = palpate::board::kResetRequest;
-  for (;;) {
-  }
+  platform->reset();
 }
 
 // Also entered by interrupts that nobody asked for.

@@ -56,6 +56,12 @@ void Mps2Platform::crash() {
   [[maybe_unused]] const std::uint32_t word = at<volatile std::uint32_t>(kNothingThere);
 }
 
+void Mps2Platform::reset() {
+  reset_control() = kResetRequest;
+  for (;;) {
+  }
+}
+
 void Mps2Platform::transmit(firmware::LinkBuffers& link) {
   std::uint8_t byte = 0;
   while ((uart1().state & kUartTransmitFull) == 0 && link.transmit.pop(byte)) uart1().data = byte;

@@ -34,6 +34,7 @@ class Mps2Platform {
 
   void burn();
   void crash();
+  [[noreturn]] void reset();
 
   void transmit(firmware::LinkBuffers& link);
   // Receive interrupt of UART1.

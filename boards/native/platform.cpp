@@ -38,6 +38,8 @@ std::uint32_t to_count(std::int64_t time_ns) {
 
 NativePlatform NativePlatform::in_lockstep(const std::string& actuator_path, const std::string& sensor_path) {
   NativePlatform platform;
+  platform.actuator_path_ = actuator_path;
+  platform.sensor_path_ = sensor_path;
   platform.actuators_ = open_or_fail(actuator_path, O_WRONLY);
   platform.sensors_ = open_or_fail(sensor_path, O_RDONLY);
   return platform;
@@ -80,6 +82,13 @@ bool NativePlatform::write_actuators(std::span<const std::byte> bytes) {
     bytes = bytes.subspan(static_cast<std::size_t>(count));
   }
   return true;
+}
+
+void NativePlatform::reset() {
+  // The files close of themselves (O_CLOEXEC); the plant holds them open, too.
+  ::execl("/proc/self/exe", "palpate_native", "--lockstep", actuator_path_.c_str(), sensor_path_.c_str(),
+          nullptr);
+  fail();
 }
 
 std::uint32_t NativePlatform::clock_count() const {

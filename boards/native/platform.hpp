@@ -40,6 +40,8 @@ class NativePlatform {
   // Without a clock no tick can be too long.
   void burn() {}
   void crash() { std::raise(SIGSEGV); }
+  // The process begins anew and opens the two files again. In lock-step only.
+  [[noreturn]] void reset();
 
   void transmit(firmware::LinkBuffers& link);
   // Bytes from the pseudo-terminal to the ring.
@@ -50,6 +52,7 @@ class NativePlatform {
  private:
   std::int64_t due_ns_ = 0;  // of the newest tick, on the monotonic clock; 0: none yet
   std::uint32_t first_due_count_ = 0;
+  std::string actuator_path_, sensor_path_;
   int actuators_ = -1;
   int sensors_ = -1;
   int terminal_ = -1;

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "host/session/board_clock.hpp"
+
 namespace palpate::host {
 namespace {
 
@@ -23,7 +25,25 @@ ClosedLoop::ClosedLoop(const Body& body, const BodyState& start, plant::Plant& p
       down_(down),
       config_(config),
       host_(body, start, config),
-      link_(down, up, config) {}
+      link_(down, up, config) {
+  host_.listen_to_ticks([this](std::uint32_t first, std::uint32_t count, std::uint32_t now) {
+    hear_of_ticks(first, count, now);
+  });
+}
+
+// What was asked for again is older than the newest tick by a tip history at most.
+void ClosedLoop::hear_of_ticks(std::uint32_t first, std::uint32_t count, std::uint32_t now) {
+  const std::uint32_t newest = first + count - 1;
+  if (static_cast<double>(newest) + BoardClock::kRestart_ticks < static_cast<double>(newest_tick_)) {
+    ++board_restarts_;
+    board_began_tick_ = tick() - newest;
+    newest_tick_ = newest;
+    host_.begin_anew();
+    return;
+  }
+  newest_tick_ = std::max(newest_tick_, newest);
+  if (listener_ && board_restarts_ == 0) listener_(first, count, now);
+}
 
 // What the board reads in this tick.
 lockstep::SensorFrame ClosedLoop::sensors() {
@@ -32,6 +52,9 @@ lockstep::SensorFrame ClosedLoop::sensors() {
   if (emergency_stop_ || contains(config_.emergency_stop_ticks, tick()))
     sensors.flags |= lockstep::kEmergencyStop;
   if (burn_ || contains(config_.overlong_ticks, tick())) sensors.flags |= lockstep::kBurnCycles;
+  if (contains(config_.reset_ticks, tick())) sensors.flags |= lockstep::kReset;
+  for (const EncoderSlip& slip : config_.encoder_slips)
+    if (slip.tick <= tick()) sensors.encoder_count.at(slip.joint) += slip.count;
   burn_ = false;
   return sensors;
 }
@@ -58,9 +81,9 @@ LoopTick ClosedLoop::advance() {
   row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
   row.link_down_bytes = read.link_length;
   if (link_.host_runs(tick())) {
-    host_.receive(to_host, tick());
+    host_.receive(to_host, host_tick());
     for (const link::OutgoingFrame& frame :
-         host_.poll(tick(), down_.backlog_bytes(tick()), down_.bytes_per_tick()))
+         host_.poll(host_tick(), down_.backlog_bytes(tick()), down_.bytes_per_tick()))
       link_.send_down(frame.bytes, tick());
   }
   link_.send_of_others(tick());
@@ -74,7 +97,7 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   std::vector<LoopTick> recorded;
   recorded.reserve(config.ticks);
   std::vector<std::uint32_t> heard(config.ticks, ClosedLoopResult::kNeverHeard);
-  loop.host().listen_to_ticks([&heard](std::uint32_t first, std::uint32_t count, std::uint32_t now) {
+  loop.listen_to_ticks([&heard](std::uint32_t first, std::uint32_t count, std::uint32_t now) {
     for (std::uint32_t tick = first; tick - first < count && tick < heard.size(); ++tick)
       heard[tick] = std::min(heard[tick], now);
   });
@@ -92,6 +115,7 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   result.up = up.counters();
   result.counters.frames_removed_down = loop.troubles().frames_removed_down;
   result.counters.frames_removed_up = loop.troubles().frames_removed_up;
+  result.counters.board_restarts = loop.board_restarts();
   return result;
 }
 

@@ -9,6 +9,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <utility>
 
 #include "host/link/fault_plan.hpp"
 #include "host/link/medium.hpp"
@@ -49,9 +51,19 @@ class ClosedLoop {
   // is planned for a frame counts.
   void add_fault(bool to_board, const link::Fault& fault) { link_.add_fault(to_board, fault); }
   [[nodiscard]] TroubleCounters troubles() const { return link_.counters(); }
+  // Is told which of the run's ticks have come to the host (LoopHost::listen_to_ticks), but for those of a
+  // board that has started again.
+  void listen_to_ticks(std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> listener) {
+    listener_ = std::move(listener);
+  }
+  // How often the host has found that the board had started again.
+  [[nodiscard]] std::uint32_t board_restarts() const { return board_restarts_; }
 
  private:
   [[nodiscard]] lockstep::SensorFrame sensors();
+  // The host keeps the board's time: the run's, until it finds that the board has started again.
+  [[nodiscard]] std::uint32_t host_tick() const { return tick() - board_began_tick_; }
+  void hear_of_ticks(std::uint32_t first, std::uint32_t count, std::uint32_t now);
 
   plant::Plant& plant_;
   EmulatedDevice device_;
@@ -61,6 +73,10 @@ class ClosedLoop {
   TroubledLink link_;
   std::size_t next_grip_ = 0;
   bool emergency_stop_ = false, burn_ = false;
+  std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> listener_;
+  std::uint32_t newest_tick_ = 0;  // that the host has heard of
+  std::uint32_t board_began_tick_ = 0;
+  std::uint32_t board_restarts_ = 0;
 };
 
 // Runs `config.ticks` servo ticks and shuts the board down. Throws as ClosedLoop does;

@@ -1,6 +1,8 @@
 // What a closed loop is told.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -26,6 +28,12 @@ struct TickSpan {
   std::uint32_t end_tick = 0;
 };
 
+inline bool contains(const std::vector<TickSpan>& spans, std::uint32_t tick) {
+  return std::any_of(spans.begin(), spans.end(), [tick](const TickSpan& span) {
+    return tick >= span.first_tick && tick < span.end_tick;
+  });
+}
+
 // What goes wrong on the link and at its other end, in spans of time; equal seeds draw equally.
 struct LinkTroubles {
   std::uint32_t seed = 1;
@@ -34,13 +42,21 @@ struct LinkTroubles {
   std::vector<TickSpan> unplugged;  // nothing passes; what was submitted before arrives
   std::vector<TickSpan>
       host_stopped;  // the host's process hears and says nothing, and goes on with what waits
-  std::vector<TickSpan> second_host;  // of another node: commands, models and requests of its own
+  std::vector<TickSpan> other_schema;  // the host's models carry another schema hash than the board's
+  std::vector<TickSpan> second_host;   // of another node: commands, models and requests of its own
   // It sends frame after frame, so much of what the link carries.
   struct Flood {
     TickSpan span{};
     double load = 1.0;
   };
   std::vector<Flood> flood;
+};
+
+// From that tick on the encoder of a joint reads so many counts more: a broken disc, or a loose cable.
+struct EncoderSlip {
+  std::uint32_t tick = 0;
+  std::size_t joint = 0;  // 0 to 2
+  std::int32_t count = 0;
 };
 
 struct ClosedLoopConfig {
@@ -62,7 +78,8 @@ struct ClosedLoopConfig {
   std::vector<GripChange> grip_changes;  // increasing ticks
   std::optional<int> probe_node;         // whose rendered positions are wanted
   // Test inputs.
-  std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks;
+  std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks, reset_ticks;
+  std::vector<EncoderSlip> encoder_slips;
   std::vector<link::Fault> faults_down, faults_up;  // on the link, to the board and to the host
   LinkTroubles troubles{};
 };

@@ -29,7 +29,9 @@ class EmulatedDevice {
   // What the board will read in the next tick.
   [[nodiscard]] lockstep::SensorFrame sensors();
   // Runs the next tick with these sensors, and lets the plant go on until the one after: `actuators` says by
-  // how many ticks. Throws what plant and peer throw, std::runtime_error where the board's answer is none.
+  // how many ticks, and its ticks are those of the run, whenever the board has begun to count its own.
+  // With kReset the board starts again in this tick: what it has not read of the link is lost. Throws what
+  // plant and peer throw, std::runtime_error where the board's answer is none.
   void run(const lockstep::SensorFrame& sensors, lockstep::ActuatorFrame& actuators);
   // Tells the board to end.
   void shut_down();
@@ -39,6 +41,7 @@ class EmulatedDevice {
   LockstepPeer& board_;
   std::deque<std::uint8_t> to_board_;  // arrived, and not in the exchange yet
   std::uint32_t tick_ = 0;
+  std::uint32_t board_began_tick_ = 0;  // its tick 0
 };
 
 }  // namespace palpate::host

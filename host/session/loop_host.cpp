@@ -255,7 +255,9 @@ void LoopHost::send(ModelUpdate update, std::uint32_t tick, std::vector<link::Ou
 
 void LoopHost::send_state(const ModelUpdate& update, std::uint32_t tick,
                           std::vector<link::OutgoingFrame>& frames) {
-  frames.push_back(endpoint_.encode(update.packed.state));
+  palpate_ModelState_1_0 state = update.packed.state;
+  if (contains(config_.troubles.other_schema, tick)) state.schema_hash = ~state.schema_hash;
+  frames.push_back(endpoint_.encode(state));
   bytes_behind_model_ = 0;
   UpdateRecord record;
   record.sequence = update.message.sequence;

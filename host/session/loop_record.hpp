@@ -45,7 +45,8 @@ struct LoopCounters {
   std::uint64_t frames_removed_down = 0, frames_removed_up = 0;  // by the faults that a scene asks for
   std::uint64_t frames_repeated_up = 0;                          // right behind themselves: ignored
   std::uint32_t models_sent = 0, models_taken = 0, models_refused = 0;
-  std::uint64_t basis_waits = 0;  // Session::basis_waits
+  std::uint64_t basis_waits = 0;     // Session::basis_waits
+  std::uint32_t board_restarts = 0;  // ClosedLoop::board_restarts
 };
 
 struct ClosedLoopResult {

@@ -35,12 +35,21 @@ struct MemoryPlatform {
   [[nodiscard]] std::uint32_t first_due_count() const { return 0; }
   void burn() {}
   void crash() {}
+  void reset() {}  // MemoryPeer does
   void transmit(firmware::LinkBuffers&) {}
 };
 
 class MemoryPeer final : public LockstepPeer {
  public:
-  void send(const lockstep::SensorFrame& frame) override { platform_.sensors = frame; }
+  void send(const lockstep::SensorFrame& frame) override {
+    if ((frame.flags & lockstep::kReset) == 0) {
+      platform_.sensors = frame;
+      return;
+    }
+    *frames_ = {};
+    board_ = std::make_unique<Board>(platform_, *frames_, hardware_, kIdentity.unique_id);
+    app_ = std::make_unique<firmware::App<Board>>(*board_, kIdentity, firmware::kCatchUpCortexM4);
+  }
   void receive(lockstep::ActuatorFrame& frame) override {
     app_->isr_tick();
     app_->background();

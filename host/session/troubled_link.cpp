@@ -1,6 +1,5 @@
 #include "host/session/troubled_link.hpp"
 
-#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -14,12 +13,6 @@ constexpr std::uint16_t kOtherNode = 11;
 constexpr std::uint32_t kOtherPeriod_ticks = 10;
 constexpr float kOtherForce_N = 8.0f;
 constexpr std::size_t kMostFlood = 64;  // frames in a tick
-
-bool contains(const std::vector<TickSpan>& spans, std::uint32_t tick) {
-  return std::any_of(spans.begin(), spans.end(), [tick](const TickSpan& span) {
-    return tick >= span.first_tick && tick < span.end_tick;
-  });
-}
 
 link::FaultPlan plan(const std::vector<link::Fault>& faults, const std::vector<link::RandomFault>& random,
                      std::uint32_t seed) {

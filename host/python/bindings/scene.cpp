@@ -93,6 +93,8 @@ host::LinkTroubles read_troubles(const nb::dict& table) {
               [&](const nb::dict& fields) { troubles.unplugged.push_back(span(fields)); });
   for_each_of(table, "host_stopped",
               [&](const nb::dict& fields) { troubles.host_stopped.push_back(span(fields)); });
+  for_each_of(table, "other_schema",
+              [&](const nb::dict& fields) { troubles.other_schema.push_back(span(fields)); });
   for_each_of(table, "second_host",
               [&](const nb::dict& fields) { troubles.second_host.push_back(span(fields)); });
   for_each_of(table, "flood", [&](const nb::dict& fields) {
@@ -311,6 +313,11 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   if (text(board, "name") == "mps2_an500") config.catch_up_policy = firmware::kCatchUpCortexM7;
   config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
+  config.reset_ticks = whole_list(board_faults, "reset_ticks");
+  for_each_of(board_faults, "encoder_slips", [&](const nb::dict& fields) {
+    config.encoder_slips.push_back(
+        {whole(fields, "tick"), whole(fields, "joint"), nb::cast<std::int32_t>(fields["count"])});
+  });
   config.faults_down = faults(link_faults, "down");
   config.faults_up = faults(link_faults, "up");
   config.troubles = read_troubles(link_faults);

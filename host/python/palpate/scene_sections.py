@@ -311,6 +311,17 @@ class Model:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EncoderSlip:
+    """An encoder that reads otherwise from one servo tick on."""
+
+    tick: int = key(Integer(0, 600_000), "first servo tick of it", unit="ticks")
+    joint: int = key(Integer(0, 2), "number of the joint")
+    count: int = key(
+        Integer(-1_000_000, 1_000_000), "what is added to each of its readings; 8,670 are a radian of joint 0", unit="counts"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoardFaults:
     """What goes wrong on the board."""
 
@@ -325,6 +336,16 @@ class BoardFaults:
         "servo ticks with the emergency-stop chain open",
         unit="ticks",
         default=(),
+    )
+    reset_ticks: tuple[int, ...] = key(
+        ListOf(Integer(0, 600_000), 1000),
+        "servo ticks in which the board starts again, as after a moment without power; the host finds it out when ticks go back by "
+        "more than 2,000, and leaves the board disarmed",
+        unit="ticks",
+        default=(),
+    )
+    encoder_slips: tuple[EncoderSlip, ...] = key(
+        TablesOf(EncoderSlip, 1000), "encoders that read otherwise from a servo tick on", default=()
     )
 
 
@@ -445,6 +466,9 @@ class LinkFaults:
     )
     host_stopped: tuple[TimeSpan, ...] = key(
         TablesOf(TimeSpan, 100), "the host's process is stopped: it says nothing, and what comes waits", default=()
+    )
+    other_schema: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "the host's models carry another schema hash: as of a host built from other definitions", default=()
     )
     second_host: tuple[TimeSpan, ...] = key(
         TablesOf(TimeSpan, 100), "another node sends commands, models and requests of its own, 100 a second each", default=()

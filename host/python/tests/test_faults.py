@@ -34,6 +34,8 @@ def made_run(**changed: Any) -> Run:
         "ticks/faults": np.zeros(TICKS, dtype=np.uint32),
         "ticks/model_age_ticks": np.full(TICKS, 30),
         "updates/swap_tick": tick[30::30],
+        "updates/sent_tick": tick[25:-5:30],
+        "updates/status": np.zeros(len(tick[30::30]), dtype=np.uint8),
     }
     run = Run(values, {"frames_lost_down": 0, "frames_lost_up": 0}, {"down": 0, "up": 0})
     for change in changed.values():
@@ -118,7 +120,46 @@ def test_a_fault_that_is_to_cut_must_cut_in_its_tick():
             run.values[name][off:] = 0
 
     assert broken(made_run(change=lambda run: stop(run, 1000)), cut) == ""
-    assert "outputs off after 2 ticks" in broken(made_run(change=lambda run: stop(run, 1002)), cut)
+    assert "outputs off after 1 ticks" in broken(made_run(change=lambda run: stop(run, 1001)), cut)
+
+    def come_back(run: Run) -> None:
+        stop(run, 1000)
+        run.values["ticks/enabled"][1500] = 1
+
+    assert broken(made_run(change=come_back), cut) == "outputs on again, though nobody has armed"
+
+
+def test_a_board_that_starts_again_is_off_in_its_first_tick_and_found_by_the_host():
+    reset = case(kind=cases.CUT, end_s=1.0, ends_mode="idle", restarts=1)
+
+    def restart(run: Run, off: int) -> None:
+        run.values["ticks/mode"][1000:1020] = rules.BOOT
+        run.values["ticks/mode"][1020:] = BOARD_MODES.index("idle")
+        for name in ("ticks/force_N", "ticks/setpoint_A", "ticks/enabled"):
+            run.values[name][off:] = 0
+
+    found = replace(made_run(change=lambda run: restart(run, 1000)), restarts=1)
+    assert broken(found, reset) == ""
+    assert broken(replace(found, restarts=0), reset) == "the host found 0 restarts of the board: there were 1"
+    late = replace(made_run(change=lambda run: restart(run, 1001)), restarts=1)
+    assert "outputs off after 1 ticks, fault or boot after 0" in broken(late, reset)
+
+
+def test_models_that_the_board_must_refuse_are_refused_and_fade():
+    other = case(refused=True, first_s=1.0, end_s=2.0)
+
+    def refuse(run: Run, missed: int) -> None:
+        sent = run.values["updates/sent_tick"]
+        run.values["updates/status"][(sent >= 1000 + missed) & (sent < 2000)] = rules.SCHEMA_MISMATCH
+        run.values["ticks/model_age_ticks"][1000:2000] = np.arange(1000) + 30
+        fade = np.clip(1.0 - (np.arange(1000) + 30 - VALID_TICKS) / rules.FADE_TICKS, 0.0, 1.0)
+        run.values["ticks/force_N"][1000:2000, 2] = -2.0 * fade
+        run.values["ticks/force_N"][2000:, 2] = -0.5
+
+    result = judge(other, made_run(), made_run(change=lambda run: refuse(run, 0)), VALID_TICKS)
+    assert result.broken == () and result.numbers["refused_models"] == 33 and result.numbers["outputs_off_ticks"] is None
+    assert "32 of 33 models of another schema were refused" in broken(made_run(change=lambda run: refuse(run, 20)), other)
+    assert "0 of 33 models" in broken(made_run(), other)
 
 
 def test_limits_are_those_of_the_firmware():
@@ -132,6 +173,13 @@ def test_limits_are_those_of_the_firmware():
     assert rules.TIP_SPEED_M_S == limit("tip_speed_m_s") and rules.FORCE_STEP_N == limit("force_step_N")
     assert rules.FADE_TICKS == limit("model_fade_ticks") and rules.SILENT_TICKS == limit("link_silent_ticks")
     assert rules.DAMPING_TICKS == limit("damping_ticks") and rules.DAMPING_FORCE_N == limit("damping_force_N")
+    status = (ROOT / "shared/status.hpp").read_text("utf-8")
+    assert re.findall(r"schema_mismatch = (\d+)", status) == [str(rules.SCHEMA_MISMATCH)]
+    joint = (ROOT / "shared/device/parameters.hpp").read_text("utf-8")
+    (lines, ratio) = re.findall(r"counts_per_rad\((\d+)\.0f, ([\d.]+)f\)", joint)[0]
+    assert pytest.approx(4 * int(lines) * float(ratio) / (2.0 * np.pi)) == cases.COUNTS_PER_RAD
+    # What the encoder's cases turn at once.
+    assert 0.06 > limit("joint_step_rad") > 0.02
     scene = load_scene(command.SCENE)
     assert rules.SURFACE_Z_M == pytest.approx(scene.sections.body.origin_m[2] + 0.05)
     # Silence is longer than signs of life may be apart, and 30 ms of jitter no matter.

@@ -1,5 +1,6 @@
 """The cases of the fault matrix: what goes wrong, when, and what is to come of it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,6 +9,8 @@ from typing import Any
 PHASES_S = {"free": 0.2, "stick": 1.0, "slip": 1.7, "peak": 2.8}
 # Faults that are not of one phase last from the first contact to the last one, which is without them.
 WHOLE_S = (0.4, 4.3)
+# Of joint 0, shared/device/parameters.hpp; a test holds it against it.
+COUNTS_PER_RAD = 4 * 1024 * 13.3 / (2.0 * math.pi)
 LINK, CUT = "link", "cut"
 
 
@@ -16,7 +19,8 @@ class Case:
     """One row of the matrix.
 
     kind: LINK, whose force is ramped, or CUT, whose outputs go off in the tick of the fault. first_s, end_s: of the fault.
-    ends_mode: that the board is in at the end of the run. faults: latched then. silent: nothing of the host arrives.
+    ends_mode: that the board is in at the end of the run. faults: latched then. silent: nothing of the host arrives. refused: its
+    models do, and the board takes none of them. restarts: of the board, that the host must find.
     exact_loss: each frame that was removed shows as lost, but for the last of a port. duration_s: of the run. board: the only
     one that can show it; the firmware gives the same record on all.
     """
@@ -30,6 +34,8 @@ class Case:
     ends_mode: str = "render"
     faults: int = 0
     silent: bool = False
+    refused: bool = False
+    restarts: int = 0
     exact_loss: bool = True
     duration_s: float | None = None
     board: str | None = None
@@ -74,6 +80,19 @@ def _silence(key: str, phase: str, length_s: float, *, quick: bool = False) -> C
                 first_s + length_s, silent=True, quick=quick, levels={"length_s": length_s})  # fmt: skip
 
 
+def _other_schema(phase: str, *, quick: bool = False) -> Case:
+    first_s, length_s = PHASES_S[phase], 2.0
+    return Case(f"other schema {length_s:g} s, {phase}", "schema", {"link.faults.other_schema": [_span(first_s, first_s + length_s)]},
+                first_s, first_s + length_s, refused=True, quick=quick, levels={"length_s": length_s})  # fmt: skip
+
+
+def _encoder(what: str, angle_rad: float, faults: int) -> Case:
+    peak_s = PHASES_S["peak"]
+    slip = {"tick": round(peak_s * 1000), "joint": 0, "count": round(angle_rad * COUNTS_PER_RAD)}
+    return Case(f"{what}, peak", "sensor", {"board.faults.encoder_slips": [slip]}, peak_s, peak_s, kind=CUT, ends_mode="fault",
+                faults=faults, levels={"angle_rad": angle_rad})  # fmt: skip
+
+
 def all_cases() -> tuple[Case, ...]:
     """Every case, by group."""
     first_s, end_s = WHOLE_S
@@ -105,6 +124,12 @@ def all_cases() -> tuple[Case, ...]:
              ends_mode="fault", faults=1 << 9, duration_s=peak_s + lost_s),
         Case("unplugged 10.5 s, stick", "unplugged", {"link.faults.unplugged": [_span(1.0, 11.5)]}, 1.0, 11.5, silent=True,
              ends_mode="fault", faults=1 << 9, exact_loss=False, duration_s=12.5),
+        *(_other_schema(phase, quick=phase == "peak") for phase in ("slip", "peak")),
+        # Of the limit of 0.05 rad a tick: a fifth more, and less than half, which is still faster than the tip may be.
+        _encoder("encoder jump", 0.06, 1 << 3 | 1 << 4),
+        _encoder("over-speed", 0.02, 1 << 4),
+        Case("board reset, peak", "board reset", {"board.faults.reset_ticks": [peak_tick]}, peak_s, peak_s, kind=CUT,
+             ends_mode="idle", exact_loss=False, restarts=1, quick=True),
         Case("emergency stop, peak", "emergency stop", {"board.faults.emergency_stop_ticks": [peak_tick]}, peak_s, peak_s,
              kind=CUT, ends_mode="fault", faults=1, quick=True),
         Case("ticks overrun, peak", "overrun", {"board.faults.overlong_ticks": [peak_tick + 4 * i for i in range(4)]}, peak_s,

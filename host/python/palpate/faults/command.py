@@ -42,7 +42,7 @@ def _run(core: Any, case: Case | None, board: str) -> tuple[Run, int]:
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
     done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], experiment.no_progress)
     removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
-    return Run(done.values, done.counters, removed), scene.sections.model.valid_ticks
+    return Run(done.values, done.counters, removed, int(done.link["board_restarts"])), scene.sections.model.valid_ticks
 
 
 def run_matrix(core: Any, cases: Sequence[Case], board: str, progress: Progress) -> tuple[Run, list[Result]]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from palpate.faults.cases import CUT, Case
 from palpate.record_layout import BOARD_MODES
 
+BOOT = BOARD_MODES.index("boot")
 RENDER = BOARD_MODES.index("render")
 # Limits of the firmware, firmware/core/supervisor.hpp; a test holds them against it.
 PEAK_FORCE_N = 8.5
@@ -34,16 +35,21 @@ SHALLOW_M = 1e-3
 # The last frame of each port may be lost without a later one to show it: commands, requests, pieces, states.
 LAST_OF_PORTS = 4
 
+# Status of a model (shared/status.hpp).
+SCHEMA_MISMATCH = 18
+
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a run left: datasets by path, counters, and frames that its faults removed."""
+    """What a run left: datasets by path, counters, frames that its faults removed, and how often the host found that the board had
+    started again."""
 
     values: dict[str, NDArray[Any]]
     counters: dict[str, Any]
     removed: dict[str, int]
+    restarts: int = 0
 
     @property
     def force_N(self) -> Floats:
@@ -133,6 +139,7 @@ def judge(case: Case, good: Run, run: Run, valid_ticks: int) -> Result:
 
     numbers.update(_times(case, run, at, end_tick, valid_ticks, broken))
     numbers.update(_losses(case, run, broken))
+    numbers.update(_counted(case, run, broken))
     _judge_end(case, run, end_tick, valid_ticks, numbers, broken)
     return Result(case, numbers, tuple(broken))
 
@@ -149,22 +156,27 @@ def _times(case: Case, run: Run, at: int, end_tick: int, valid_ticks: int, broke
     off = _first(run.values["ticks/enabled"][at:] == 0, tick, since)
     times: dict[str, Any] = {"force_gone_ticks": None, "outputs_off_ticks": off}
     if case.kind == CUT:
-        wanted = _first(run.values["ticks/faults"][at:] != 0, tick, since)
+        # A board that starts again has no fault: it boots.
+        shows = run.values["ticks/faults"][at:] != 0 if case.faults else run.mode[at:] == BOOT
+        wanted = _first(shows, tick, since)
         times["force_gone_ticks"] = off
-        if off is None or off != wanted or off > case.end_s * 1000 - since + 1:
-            broken.append(f"outputs off after {off} ticks, fault latched after {wanted}: must be the same, at most at the fault's end")
+        if off is None or off != wanted or off > end_tick - since:
+            broken.append(f"outputs off after {off} ticks, fault or boot after {wanted}: must be the same, at most at the fault's end")
+        elif np.any(run.values["ticks/enabled"][at:][tick - since >= off]):
+            broken.append("outputs on again, though nobody has armed")
         return times
-    if not case.silent:
+    if not (case.silent or case.refused):
         return times
-    # Of the model: a damper is not counted.
-    gone = _first(run.force_N[at:] <= DAMPING_FORCE_N * (run.values["ticks/model_age_ticks"][at:] > valid_ticks + FADE_TICKS),
+    # Of the model: the damper of a silent link is not counted.
+    damper_N = DAMPING_FORCE_N if case.silent else 0.0
+    gone = _first(run.force_N[at:] <= damper_N * (run.values["ticks/model_age_ticks"][at:] > valid_ticks + FADE_TICKS),
                   tick, since)  # fmt: skip
     length = end_tick - since
     times["force_gone_ticks"] = gone if gone is not None and gone <= length else None
     gone_limit, off_limit = valid_ticks + FADE_TICKS, valid_ticks + FADE_TICKS + DAMPING_TICKS + SIGN_TICKS
     if length > gone_limit and (gone is None or gone > gone_limit):
         broken.append(f"force gone after {gone} ticks: must be at most {gone_limit}")
-    if length > off_limit and (off is None or off > off_limit):
+    if case.silent and length > off_limit and (off is None or off > off_limit):
         broken.append(f"outputs off after {off} ticks: must be at most {off_limit}")
     return times
 
@@ -179,6 +191,18 @@ def _losses(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
         if not case.exact_loss and lost < removed - LAST_OF_PORTS and case.ends_mode == "render":
             broken.append(f"frames_lost_{way} = {lost}: {removed} were removed, more than that shows")
     return numbers
+
+
+def _counted(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
+    """What the two ends must have noticed."""
+    sent_s = run.values["updates/sent_tick"] * 1e-3
+    told = run.values["updates/status"][(sent_s >= case.first_s) & (sent_s < case.end_s)]
+    refused = int(np.count_nonzero(told == SCHEMA_MISMATCH))
+    if case.refused and (refused == 0 or refused != len(told)):
+        broken.append(f"{refused} of {len(told)} models of another schema were refused for it: must be all, at least one")
+    if run.restarts != case.restarts:
+        broken.append(f"the host found {run.restarts} restarts of the board: there were {case.restarts}")
+    return {"refused_models": refused, "board_restarts": run.restarts}
 
 
 def _judge_end(case: Case, run: Run, end_tick: int, valid_ticks: int, numbers: dict[str, Any], broken: list[str]) -> None:
