@@ -11,6 +11,7 @@
 #include "boards/mps2/platform.hpp"
 #include "boards/mps2/registers.hpp"
 #include "firmware/app/app.hpp"
+#include "limits.hpp"
 #include "part.hpp"
 
 namespace {
@@ -21,9 +22,8 @@ using palpate::board::print_hex;
 using Board = palpate::board::EmulatedBoard<palpate::board::Mps2Platform, BoardWire>;
 using App = palpate::firmware::App<Board>;
 
-constexpr palpate::firmware::BoardIdentity kIdentity{
-    palpate::board::kBoardName, PALPATE_VERSION,
-    palpate::board::emulated_unique_id(palpate::board::kBoardName)};
+constexpr palpate::firmware::BoardIdentity kIdentity{PALPATE_BOARD_NAME, PALPATE_VERSION,
+                                                     palpate::board::emulated_unique_id(PALPATE_BOARD_NAME)};
 static_assert(palpate::wire::is_node_name(kIdentity.board));
 
 [[gnu::section(".exchange")]] palpate::board::ExchangeFrames exchange_frames;
@@ -118,7 +118,7 @@ void uart1_receive_handler() {
   the_platform.begin();
   std::construct_at(&wire_hardware);  // start-up leaves this section as it is
   static Board the_board(the_platform, exchange_frames, wire_hardware, kIdentity.unique_id);
-  static App the_app(the_board, kIdentity, palpate::board::kCatchUp);
+  static App the_app(the_board, kIdentity, palpate::board::kCatchUp, palpate::board::kLimits);
   board = &the_board;
   app = &the_app;
   the_board.begin();

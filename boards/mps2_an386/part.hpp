@@ -1,13 +1,10 @@
 // What the firmware on QEMU's mps2-an386 (Cortex-M4F) knows of its part.
 #pragma once
 
-#include <string_view>
-
 #include "firmware/core/renderer.hpp"
 
 namespace palpate::board {
 
-inline constexpr std::string_view kBoardName = "mps2_an386";
 inline constexpr firmware::CatchUpPolicy kCatchUp = firmware::kCatchUpCortexM4;
 
 }  // namespace palpate::board

@@ -8,6 +8,7 @@
 #include "board_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
 #include "boards/lockstep/unique_id.hpp"
+#include "boards/native/limits.hpp"
 #include "boards/native/platform.hpp"
 #include "firmware/app/app.hpp"
 
@@ -19,8 +20,8 @@ using Board = palpate::board::EmulatedBoard<NativePlatform, BoardWire>;
 using App = palpate::firmware::App<Board>;
 using palpate::lockstep::ExitCode;
 
-constexpr palpate::firmware::BoardIdentity kIdentity{"native", PALPATE_VERSION,
-                                                     palpate::board::emulated_unique_id("native")};
+constexpr palpate::firmware::BoardIdentity kIdentity{PALPATE_BOARD_NAME, PALPATE_VERSION,
+                                                     palpate::board::emulated_unique_id(PALPATE_BOARD_NAME)};
 static_assert(palpate::wire::is_node_name(kIdentity.board));
 constexpr const char* kUsage =
     "usage: palpate_native --lockstep ACTUATORS SENSORS   in lock-step with a plant over two files (FIFOs)\n"
@@ -83,7 +84,8 @@ int main(int argc, char** argv) {
   const auto hardware = std::make_unique<BoardWire::Hardware>();
   const auto the_board = std::make_unique<Board>(platform, *frames, *hardware, kIdentity.unique_id);
   the_board->begin();
-  const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4);
+  const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4,
+                                         palpate::board::kLimits);
   board = the_board.get();
   install_fault_handler();
   if (lockstep) {

@@ -17,8 +17,8 @@
 
 namespace palpate::firmware {
 
-// One per board; too large for a stack. isr_tick() and background() may run concurrently, as they do on a
-// board.
+// One per board; too large for a stack. `limits` outlive it, and do not change. isr_tick() and background()
+// may run concurrently, as they do on a board.
 //
 // With background() run once after each isr_tick(), a board's output depends on its inputs only, to the bit:
 // that is how the native board and an emulated one can be compared.
@@ -53,7 +53,7 @@ class App {
 
   Board& board_;
   Outputs<Board> outputs_;
-  const Limits limits_{};
+  const Limits& limits_;
   DeadlineMonitor deadlines_;
   Mailbox mailbox_{};
   Renderer renderer_;

@@ -21,6 +21,7 @@
 
 #include "host/device_api/palpate_device.h"
 #include "host/link/host_endpoint.hpp"
+#include "host/link/known_boards.hpp"
 #include "host/link/transport.hpp"
 
 namespace {
@@ -160,6 +161,8 @@ struct palpate_device {
   void enable() {
     Lock lock(mutex);
     (void)current();
+    if (!link::is_known_board(board_name()))
+      throw Problem{PALPATE_REFUSED, named(link::unknown_board_text(board_name()))};
     const auto challenge = command(lock, palpate_Command_Request_1_0_ARM_DIRECT, 0, "to enable");
     may_be_on = true;  // from here on leave it disabled, whatever happens
     (void)command(lock, palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token, "to enable");
@@ -233,6 +236,9 @@ struct palpate_device {
 
  private:
   [[nodiscard]] std::string named(const std::string& what) const { return link->address() + ": " + what; }
+  [[nodiscard]] std::string board_name() const {
+    return {reinterpret_cast<const char*>(info.board.elements), info.board.count};
+  }
   [[nodiscard]] std::string condition() const {
     return mode_name(state->mode) +
            (state->faults != 0 ? ", faults " + std::to_string(state->faults) + " (docs/safety.md)" : "");

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "host/device_api/palpate_device.h"
+#include "host/link/known_boards.hpp"
 #include "host/link/transport.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/virtual_device.hpp"
@@ -26,10 +27,11 @@ constexpr Vec3d kStart_m{0.0, 0.0, 0.0};
 // float32 on the wire.
 constexpr double kRounding = 1e-6;
 
-std::unique_ptr<host::VirtualDevice> make_device(const char* link) {
+// It calls itself as a board does that the library knows.
+std::unique_ptr<host::VirtualDevice> make_device(const char* link, const char* name = "native") {
   auto device = std::make_unique<host::VirtualDevice>(
       plant::PlantParameters{}, plant::TipPath::minimum_jerk({{0.0, kStart_m}, {1.0, {0.0, 0.0, -0.02}}}),
-      std::make_unique<host::test::MemoryPeer>(), link::open_transport(link));
+      std::make_unique<host::test::MemoryPeer>(name), link::open_transport(link));
   device->start();
   return device;
 }
@@ -76,7 +78,7 @@ class DeviceApi : public ::testing::TestWithParam<const char*> {
 TEST_P(DeviceApi, SaysWhatItIsAndWhereItIs) {
   palpate_device_info info{};
   ASSERT_EQ(palpate_device_get_info(device_, &info), PALPATE_OK);
-  EXPECT_STREQ(info.board, "memory");
+  EXPECT_STREQ(info.board, "native");
   EXPECT_EQ(info.tick_rate_Hz, 1000.0);
   EXPECT_EQ(info.max_force_N, static_cast<double>(firmware::Limits{}.direct_force_N));
   EXPECT_EQ(info.force_hold_s, 1e-3 * firmware::Limits{}.direct_hold_ticks);
@@ -227,6 +229,21 @@ TEST(DeviceApiOpen, RefusesALineThatIsTooSlow) {
   EXPECT_EQ(palpate_device_get_info(opened, &info), PALPATE_OK);
   EXPECT_LT(info.state_rate_Hz, 200.0);
   EXPECT_GT(info.state_rate_Hz, 50.0);
+  palpate_device_close(opened);
+}
+
+TEST(DeviceApiOpen, EnablesNoBoardThatItDoesNotKnow) {
+  const auto device = make_device("pty:", "stranger");
+  palpate_device* opened = nullptr;
+  ASSERT_EQ(palpate_device_open(device->address().c_str(), &opened), PALPATE_OK)
+      << palpate_device_error(nullptr);
+  EXPECT_EQ(palpate_device_enable(opened), PALPATE_REFUSED);
+  const std::string why = palpate_device_error(opened);
+  EXPECT_NE(why.find(link::unknown_board_text("stranger")), std::string::npos) << why;
+  // What does not move anything goes on.
+  palpate_device_state state{};
+  EXPECT_EQ(palpate_device_wait(opened, kWait_s, &state), PALPATE_OK);
+  EXPECT_FALSE(device->state().outputs_on);
   palpate_device_close(opened);
 }
 

@@ -91,8 +91,8 @@ palpate_result palpate_device_get_state(palpate_device* device, palpate_device_s
 palpate_result palpate_device_wait(palpate_device* device, double timeout_s, palpate_device_state* state);
 
 /* Switches the outputs on, in the board's two steps; the force rises from zero within 0.1 s. PALPATE_REFUSED
- * while a fault is there, the tip is outside of its workspace or too fast. Takes some milliseconds, three
- * seconds at most. */
+ * while a fault is there, the tip is outside of its workspace or too fast, and for a board that this version
+ * of the library does not know. Takes some milliseconds, three seconds at most. */
 palpate_result palpate_device_enable(palpate_device* device);
 /* Switches the outputs off. Takes some milliseconds, two seconds at most. */
 palpate_result palpate_device_disable(palpate_device* device);

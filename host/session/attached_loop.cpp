@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "host/link/known_boards.hpp"
 #include "host/plant/check.hpp"
 
 namespace palpate::host {
@@ -13,7 +14,8 @@ namespace {
 ClosedLoopConfig for_a_board(ClosedLoopConfig config, const link::Transport& link) {
   config.framing = link.framing();
   config.arms_by_itself = false;
-  if (config.known_boards.empty()) config.known_boards = {"native", "mps2_an386", "mps2_an500"};
+  if (config.known_boards.empty())
+    config.known_boards.assign(link::known_boards().begin(), link::known_boards().end());
   config.session_beside = true;
   config.first_transfer_id = link::fresh_transfer_id();
   config.trace.form = TraceForm::full;  // what the screen shows

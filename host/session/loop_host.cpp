@@ -4,9 +4,11 @@
 #include <chrono>
 #include <map>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 #include <variant>
 
+#include "host/link/known_boards.hpp"
 #include "host/session/lockstep_peer.hpp"
 
 namespace palpate::host {
@@ -53,9 +55,8 @@ bool LoopHost::knows_board(std::uint32_t tick, std::vector<link::OutgoingFrame>&
   if (known.empty()) return true;
   if (board_name_) {
     const bool is_known = std::find(known.begin(), known.end(), *board_name_) != known.end();
-    require_of_board(is_known, ("it calls itself \"" + *board_name_ +
-                                "\", which is none that this program arms (docs/safety.md, \"Arming\")")
-                                   .c_str());
+    const std::vector<std::string_view> names(known.begin(), known.end());
+    require_of_board(is_known, link::unknown_board_text(*board_name_, names).c_str());
     return true;
   }
   if (!asked_name_tick_ || tick - *asked_name_tick_ >= kAskAgain_ticks) {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string_view>
 
 #include "boards/lockstep/byte_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
@@ -41,14 +42,16 @@ struct MemoryPlatform {
 
 class MemoryPeer final : public LockstepPeer {
  public:
+  // `name`: what it calls itself, for as long as there is a program; "memory" is none that a host knows.
+  explicit MemoryPeer(std::string_view name = "memory") : identity_{name, "0", {1}} {}
   void send(const lockstep::SensorFrame& frame) override {
     if ((frame.flags & lockstep::kReset) == 0) {
       platform_.sensors = frame;
       return;
     }
     *frames_ = {};
-    board_ = std::make_unique<Board>(platform_, *frames_, hardware_, kIdentity.unique_id);
-    app_ = std::make_unique<firmware::App<Board>>(*board_, kIdentity, firmware::kCatchUpCortexM4);
+    board_ = std::make_unique<Board>(platform_, *frames_, hardware_, identity_.unique_id);
+    app_ = std::make_unique<firmware::App<Board>>(*board_, identity_, firmware::kCatchUpCortexM4);
   }
   void receive(lockstep::ActuatorFrame& frame) override {
     app_->isr_tick();
@@ -59,14 +62,14 @@ class MemoryPeer final : public LockstepPeer {
 
  private:
   using Board = board::EmulatedBoard<MemoryPlatform, board::ByteWire>;
-  static constexpr firmware::BoardIdentity kIdentity{"memory", "0", {1}};
+  const firmware::BoardIdentity identity_;
   MemoryPlatform platform_;
   std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
   board::ByteWire::Hardware hardware_;
   std::unique_ptr<Board> board_ =
-      std::make_unique<Board>(platform_, *frames_, hardware_, kIdentity.unique_id);
+      std::make_unique<Board>(platform_, *frames_, hardware_, identity_.unique_id);
   std::unique_ptr<firmware::App<Board>> app_ =
-      std::make_unique<firmware::App<Board>>(*board_, kIdentity, firmware::kCatchUpCortexM4);
+      std::make_unique<firmware::App<Board>>(*board_, identity_, firmware::kCatchUpCortexM4);
 };
 
 }  // namespace palpate::host::test
