@@ -115,10 +115,11 @@ void uart1_receive_handler() {
   static palpate::board::Mps2Platform the_platform;
   palpate::board::console_begin();
   platform = &the_platform;
-  the_platform.begin();
+  static palpate::firmware::Limits limits = palpate::board::kLimits;
+  the_platform.begin(limits);
   std::construct_at(&wire_hardware);  // start-up leaves this section as it is
   static Board the_board(the_platform, exchange_frames, wire_hardware, kIdentity.unique_id);
-  static App the_app(the_board, kIdentity, palpate::board::kCatchUp, palpate::board::kLimits);
+  static App the_app(the_board, kIdentity, palpate::board::kCatchUp, limits);
   board = &the_board;
   app = &the_app;
   the_board.begin();

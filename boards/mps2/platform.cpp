@@ -1,6 +1,10 @@
 #include "boards/mps2/platform.hpp"
 
 #include <array>
+#include <string_view>
+
+#include "boards/lockstep/start_times.hpp"
+#include "boards/mps2/console.hpp"
 
 namespace palpate::board {
 namespace {
@@ -18,9 +22,16 @@ constexpr std::uint8_t kLinkPriority = 0x40;
 
 }  // namespace
 
-void Mps2Platform::begin() {
-  std::array<char, 16> buffer{};
-  has_plant_ = semihosting::command_line(buffer) != "uart";
+void Mps2Platform::begin(firmware::Limits& limits) {
+  std::array<char, kMaxStartTimes + 1> buffer{};
+  const std::string_view said = semihosting::command_line(buffer);
+  has_plant_ = said != "uart";
+  if (is_start_times(said) && !take_start_times(said, limits)) {
+    print("times of the supervisor out of range: ");
+    print(said);
+    print("\n");
+    exit(lockstep::ExitCode::usage);
+  }
   if (has_plant_) {
     actuators_ = semihosting::open("act.fifo", semihosting::OpenMode::write_binary);
     sensors_ = semihosting::open("sen.fifo", semihosting::OpenMode::read_binary);

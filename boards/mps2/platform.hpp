@@ -8,17 +8,19 @@
 #include "boards/lockstep/exchange.hpp"
 #include "boards/mps2/registers.hpp"
 #include "boards/mps2/semihosting.hpp"
+#include "firmware/core/supervisor.hpp"
 #include "firmware/ports/ports.hpp"
 
 namespace palpate::board {
 
 // With the command line "uart" (QEMU: -semihosting-config arg=uart) there is no plant and the link runs over
-// UART1; otherwise the plant and the link's bytes cross through the files act.fifo and sen.fifo in QEMU's
-// working directory.
+// UART1; with another, that is what start_times.hpp says. But for "uart" the plant and the link's bytes cross
+// through the files act.fifo and sen.fifo in QEMU's working directory.
 class Mps2Platform {
  public:
-  // Opens the exchange; blocks until the plant has opened its ends.
-  void begin();
+  // Opens the exchange; blocks until the plant has opened its ends. `limits` are changed as the command line
+  // says; ends the run with ExitCode::usage where it says what cannot be.
+  void begin(firmware::Limits& limits);
 
   bool has_plant() const { return has_plant_; }
   bool read_sensors(std::span<std::byte> bytes) { return semihosting::read_all(sensors_, bytes); }

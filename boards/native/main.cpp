@@ -7,6 +7,7 @@
 
 #include "board_wire.hpp"
 #include "boards/lockstep/emulated_board.hpp"
+#include "boards/lockstep/start_times.hpp"
 #include "boards/lockstep/unique_id.hpp"
 #include "boards/native/limits.hpp"
 #include "boards/native/platform.hpp"
@@ -24,7 +25,9 @@ constexpr palpate::firmware::BoardIdentity kIdentity{PALPATE_BOARD_NAME, PALPATE
                                                      palpate::board::emulated_unique_id(PALPATE_BOARD_NAME)};
 static_assert(palpate::wire::is_node_name(kIdentity.board));
 constexpr const char* kUsage =
-    "usage: palpate_native --lockstep ACTUATORS SENSORS   in lock-step with a plant over two files (FIFOs)\n"
+    "usage: palpate_native --lockstep ACTUATORS SENSORS [TIMES]\n"
+    "                                                     in lock-step with a plant over two files (FIFOs);\n"
+    "                                                     TIMES: see boards/lockstep/start_times.hpp\n"
     "       palpate_native --pty                          in real time, without a plant; prints the link's "
     "terminal\n"
     "       palpate_native --version                      says what it is\n";
@@ -73,19 +76,24 @@ int main(int argc, char** argv) {
                 kIdentity.firmware.data(), palpate::wire::kSchemaHash);
     return 0;
   }
-  const bool lockstep = mode == "--lockstep" && argc == 4;
+  const bool lockstep = mode == "--lockstep" && (argc == 4 || argc == 5);
   if (!lockstep && !(mode == "--pty" && argc == 2)) {
     std::fputs(kUsage, stderr);
     return static_cast<int>(ExitCode::usage);
   }
+  const char* const times = argc == 5 ? argv[4] : "";
+  palpate::firmware::Limits limits = palpate::board::kLimits;
+  if (argc == 5 && !palpate::board::take_start_times(times, limits)) {
+    std::fprintf(stderr, "times of the supervisor out of range: \"%s\"\n", times);
+    return static_cast<int>(ExitCode::usage);
+  }
   NativePlatform platform =
-      lockstep ? NativePlatform::in_lockstep(argv[2], argv[3]) : NativePlatform::on_pseudo_terminal();
+      lockstep ? NativePlatform::in_lockstep(argv[2], argv[3], times) : NativePlatform::on_pseudo_terminal();
   const auto frames = std::make_unique<palpate::board::ExchangeFrames>();
   const auto hardware = std::make_unique<BoardWire::Hardware>();
   const auto the_board = std::make_unique<Board>(platform, *frames, *hardware, kIdentity.unique_id);
   the_board->begin();
-  const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4,
-                                         palpate::board::kLimits);
+  const auto app = std::make_unique<App>(*the_board, kIdentity, palpate::firmware::kCatchUpCortexM4, limits);
   board = the_board.get();
   install_fault_handler();
   if (lockstep) {

@@ -36,10 +36,12 @@ std::uint32_t to_count(std::int64_t time_ns) {
 
 }  // namespace
 
-NativePlatform NativePlatform::in_lockstep(const std::string& actuator_path, const std::string& sensor_path) {
+NativePlatform NativePlatform::in_lockstep(const std::string& actuator_path, const std::string& sensor_path,
+                                           const std::string& times) {
   NativePlatform platform;
   platform.actuator_path_ = actuator_path;
   platform.sensor_path_ = sensor_path;
+  platform.times_ = times;
   platform.actuators_ = open_or_fail(actuator_path, O_WRONLY);
   platform.sensors_ = open_or_fail(sensor_path, O_RDONLY);
   return platform;
@@ -87,7 +89,7 @@ bool NativePlatform::write_actuators(std::span<const std::byte> bytes) {
 void NativePlatform::reset() {
   // The files close of themselves (O_CLOEXEC); the plant holds them open, too.
   ::execl("/proc/self/exe", "palpate_native", "--lockstep", actuator_path_.c_str(), sensor_path_.c_str(),
-          nullptr);
+          times_.empty() ? nullptr : times_.c_str(), nullptr);
   fail();
 }
 

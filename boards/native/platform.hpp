@@ -22,7 +22,9 @@ class NativePlatform {
 
   // Both block until the other end is open, and exit the process with ExitCode::no_channel when a file cannot
   // be opened.
-  static NativePlatform in_lockstep(const std::string& actuator_path, const std::string& sensor_path);
+  // `times`: of start_times.hpp, for the process that a reset starts; empty: none.
+  static NativePlatform in_lockstep(const std::string& actuator_path, const std::string& sensor_path,
+                                    const std::string& times);
   static NativePlatform on_pseudo_terminal();
 
   [[nodiscard]] bool has_plant() const { return terminal_ < 0; }
@@ -52,7 +54,7 @@ class NativePlatform {
  private:
   std::int64_t due_ns_ = 0;  // of the newest tick, on the monotonic clock; 0: none yet
   std::uint32_t first_due_count_ = 0;
-  std::string actuator_path_, sensor_path_;
+  std::string actuator_path_, sensor_path_, times_;
   int actuators_ = -1;
   int sensors_ = -1;
   int terminal_ = -1;

@@ -78,7 +78,7 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
 
     given: `Scene.to_dict`, with what else the core is to be told. start_m: (3,), where the tip is at first.
     """
-    board = hil.BOARDS[scene.sections.board.name].on(scene.sections.link.medium)
+    board = hil.BOARDS[scene.sections.board.name].of(scene.sections)
     if scene.sections.reference.enabled:
         # One tick of it now: a step that is not stable is refused before the run, not after it.
         with _naming(scene, "reference"):
@@ -102,7 +102,7 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
 
 def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
     """RUN_KEYS of a run."""
-    board = hil.BOARDS[scene.sections.board.name].on(scene.sections.link.medium)
+    board = hil.BOARDS[scene.sections.board.name].of(scene.sections)
     return summary.summarize_run(
         done.values,
         done.counters,

@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from palpate.paths import BUILD, PACKAGE, SOURCE, cache_folder
+from palpate.scene_sections import Safety, SceneFile
 
 Progress = Callable[[int, int], bool]
 
@@ -48,18 +49,40 @@ FRAMINGS = {"uart": SERIAL, "usb": SERIAL, "can": "can_classic", "canfd": "can_f
 @dataclass(frozen=True)
 class BoardType:
     """How a board is started. instructions_per_count: of the firmware's clock; None: it has no such clock.
-    identify: how it is started to print what it is, on the first line of standard output."""
+    identify: how it is started to print what it is, on the first line of standard output. argument: one more of its command
+    line (boards/lockstep/start_times.hpp); empty: none."""
 
     name: str
     image: Path
-    command: Callable[[Path], list[str]]
+    command: Callable[..., list[str]]
     instructions_per_count: int | None
     identify: Callable[[Path], list[str]]
+    argument: str = ""
 
     def on(self, medium: str) -> "BoardType":
         """The same board with the firmware for a scene's `link.medium`."""
         framing = FRAMINGS[medium]
         return self if framing == SERIAL else replace(self, image=self.image.with_stem(f"{self.image.stem}_{framing}"))
+
+    def of(self, scene: SceneFile) -> "BoardType":
+        """The same board with the firmware and the supervisor's times of a scene."""
+        return self.on(scene.link.medium).timed(scene.safety)
+
+    def timed(self, safety: Safety) -> "BoardType":
+        """The same board with these times of its supervisor."""
+        return replace(self, argument=_times(safety))
+
+    def start_command(self) -> list[str]:
+        """What starts it, in the folder of its FIFOs."""
+        return self.command(self.image, argument=self.argument) if self.argument else self.command(self.image)
+
+
+def _times(safety: Safety) -> str:
+    """Of boards/lockstep/start_times.hpp."""
+    times_s = (safety.horizon_s, safety.fade_s, safety.damp_s, safety.resume_within_s)
+    if all(time_s is None for time_s in times_s):
+        return ""
+    return "times=" + ":".join("" if time_s is None else str(round(1000.0 * time_s)) for time_s in times_s)
 
 
 def _qemu_command(
@@ -79,14 +102,14 @@ def _qemu_command(
         "-serial",
         console,
         "-semihosting-config",
-        f"enable=on,target=native{argument}",
+        "enable=on,target=native" + (f",arg={argument}" if argument else ""),
         "-kernel",
         str(image),
     ]
 
 
-def _native_command(image: Path) -> list[str]:
-    return [str(image), "--lockstep", "act.fifo", "sen.fifo"]
+def _native_command(image: Path, argument: str = "") -> list[str]:
+    return [str(image), "--lockstep", "act.fifo", "sen.fifo", *([argument] if argument else [])]
 
 
 def _native_image() -> Path:
@@ -102,7 +125,7 @@ def _mps2(name: str, shift: int) -> BoardType:
         command,
         40 >> shift,
         # On a serial line: without a plant's files to open.
-        partial(command, console="stdio", argument=",arg=uart"),
+        partial(command, console="stdio", argument="uart"),
     )
 
 
@@ -156,7 +179,7 @@ class Board:
         # raising SIGPIPE; _watch() closes the first when the board is gone.
         self._keep_open_fd = os.open(folder / "act.fifo", os.O_WRONLY)
         self.sensor_fd = os.open(folder / "sen.fifo", os.O_RDWR)
-        command = self._type.command(self._type.image)
+        command = self._type.start_command()
         try:
             with (folder / _STDOUT).open("wb") as output:
                 # In a session of its own: Ctrl-C is for this program, which then ends the board.

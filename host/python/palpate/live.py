@@ -28,6 +28,7 @@ from palpate.paths import cache_folder
 from palpate.recorder import Recorder
 from palpate.scene import Scene, SceneError
 from palpate.scene_overrides import OVERRIDE_COMMENT, exact_override
+from palpate.scene_sections import Safety
 from palpate.tip_path import TipPath
 
 Floats = NDArray[np.float64]
@@ -94,6 +95,8 @@ class Live:
             if board not in BOARDS:
                 raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}, or the address of a link")
             scene = scene.with_board(board)
+        elif scene.sections.safety != Safety():
+            raise SceneError(f"{scene.file}: safety: given, but the board at {board} has times of its own (docs/safety.md)")
         self.scene = scene
         self.board_name = board
         self.status: dict[str, Any] = {}
@@ -106,7 +109,7 @@ class Live:
         self._dict = _for_a_person(scene, path)
         self.triangle_friction: Floats = _core.triangle_friction(self._dict)
         medium = scene.sections.link.medium
-        self._board = None if self.is_attached else Board(BOARDS[board].on(medium), watchdog_s)
+        self._board = None if self.is_attached else Board(BOARDS[board].of(scene.sections), watchdog_s)
         # Of Cyphal/serial frames (host/link/fault_plan.hpp).
         self.takes_faults = not self.is_attached and FRAMINGS[medium] == SERIAL
         self._triangles = Body(scene).triangles if self.is_attached else None

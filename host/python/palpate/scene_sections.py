@@ -362,6 +362,40 @@ class Board:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Safety:
+    """Times of the board's supervisor; None: the board's own."""
+
+    horizon_s: float | None = key(
+        Number(0.001, 5.0),
+        "the longest that a model may be rendered beyond its tick, whatever `model.valid_ticks` says",
+        unit="s",
+        default=None,
+        default_text="the board's: 1",
+    )
+    fade_s: float | None = key(
+        Number(0.02, 2.0),
+        "then its force fades to zero within this time",
+        unit="s",
+        default=None,
+        default_text="the board's: 0.2",
+    )
+    damp_s: float | None = key(
+        Number(0.0, 5.0),
+        "while the host is silent the tip is then damped for so long, before outputs go off",
+        unit="s",
+        default=None,
+        default_text="the board's: 1",
+    )
+    resume_within_s: float | None = key(
+        Number(1.0, 60.0),
+        "a host that has been silent for no longer than this renders again by itself; later that is a fault",
+        unit="s",
+        default=None,
+        default_text="the board's: 10",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BitFlip:
     """One bit that arrives inverted."""
 
@@ -596,6 +630,11 @@ class SceneFile:
         "are the order of the builders that know them, and any value of the others.",
     )
     board: Board = section(Board, "Where the firmware runs (`palpate run` only); `--board` overrides it.")
+    safety: Safety = section(
+        Safety,
+        "What the emulated board's supervisor does with a model that grows old and a link that is lost ([Safety](safety.md#a-lost-link)), in whole "
+        "milliseconds. A board that runs by itself has its own.",
+    )
     link: Link = section(
         Link, "The medium between board and host (`palpate run` only), metered in virtual time."
     )

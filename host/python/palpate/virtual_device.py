@@ -56,7 +56,7 @@ class VirtualDeviceState:
 
 
 class VirtualDevice:
-    """A running device. Use as a context manager; any thread. Of the scene it takes [path], [hand] and [device]: the hand
+    """A running device. Use as a context manager; any thread. Of the scene it takes [path], [hand], [device] and [safety]: the hand
     stays at the path's beginning, or at the arm's reference point where there is none, until play_path() or guide_hand().
 
     link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port, "can:INTERFACE" or "canfd:INTERFACE" for a CAN bus. board: a name in `hil.BOARDS`. Raises SceneError
@@ -75,7 +75,7 @@ class VirtualDevice:
         if values["path"] is None:
             values["path"] = {"interpolation": "minimum_jerk", "time_s": np.zeros(1), "position_m": np.zeros((1, 3))}
         self._dict = values
-        self._board = Board(BOARDS[board].on(_medium_of(link)), watchdog_s)
+        self._board = Board(BOARDS[board].on(_medium_of(link)).timed(scene.sections.safety), watchdog_s)
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:

@@ -540,6 +540,10 @@ BAD = {
         GOOD + '[board]\nname = "arduino"',
         'scene.toml: board.name = "arduino": must be one of "mps2_an386", "mps2_an500", "native"',
     ),
+    "time of the supervisor": (
+        GOOD + "[safety]\nfade_s = 0.01",
+        "scene.toml: safety.fade_s = 0.01: must be in [0.02, 2] s",
+    ),
     "unknown medium": (
         GOOD + '[link]\nmedium = "lin"',
         'scene.toml: link.medium = "lin": must be one of "uart", "can", "canfd", "usb"',
