@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace palpate::link {
 namespace {
@@ -17,10 +18,33 @@ std::uint64_t frame_ns(CanBus bus, const wire::CanFrame& frame) {
   return static_cast<std::uint64_t>(std::llround(can_frame_s(bus, frame.data.size()) * 1e9));
 }
 
+constexpr double kErrorBits = 6 + 6 + 8;
+constexpr std::uint32_t kErrorStep = 8, kMostErrors = 255;
+constexpr double kBusOffBits = 128 * 11;
+
+std::uint64_t bits_ns(const CanBus& bus, double bits) {
+  return static_cast<std::uint64_t>(std::llround(bits * bus.nominal_bit_s * 1e9));
+}
+
+// The number-th of a series of numbers in [0, 1) that look random (SplitMix64 of Steele, Lea and Flood,
+// 2014): a state that is copied goes on as the original does.
+double drawn(std::uint64_t seed, std::uint64_t number) {
+  std::uint64_t z = (seed << 32) + (number + 1) * 0x9E3779B97F4A7C15u;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  constexpr double kRange = 18446744073709551616.0;
+  return static_cast<double>(z ^ (z >> 31)) / kRange;
+}
+
 }  // namespace
 
-MeteredCanBus::MeteredCanBus(const CanBus& bus, std::size_t queue_limit_bytes)
-    : bus_(bus), queue_limit_bytes_(queue_limit_bytes) {
+MeteredCanBus::MeteredCanBus(const CanBus& bus, std::size_t queue_limit_bytes, BusErrors errors)
+    : bus_(bus), queue_limit_bytes_(queue_limit_bytes), errors_(std::move(errors)) {
+  for (const BusError& error : errors_.errors)
+    if (!(error.chance >= 0.0 && error.chance < 1.0) || error.direction >= kDirections)
+      throw std::invalid_argument("MeteredCanBus: errors of direction " + std::to_string(error.direction) +
+                                  " with chance " + std::to_string(error.chance) +
+                                  "; directions are 0 and 1, chances 0 to less than 1");
   if (!(bus.nominal_bit_s > 0.0) || !(bus.data_bit_s > 0.0))
     throw std::invalid_argument("MeteredCanBus: bit times of " + std::to_string(bus.nominal_bit_s) + " and " +
                                 std::to_string(bus.data_bit_s) + " s; they must be positive");
@@ -29,17 +53,58 @@ MeteredCanBus::MeteredCanBus(const CanBus& bus, std::size_t queue_limit_bytes)
 }
 
 // Since advance() is called for each tick at which something is submitted, all that waits here has been
-// submitted by now_ns: the first of the map may go as soon as the bus is free.
-void MeteredCanBus::State::advance(std::uint64_t to_ns) {
-  while (!waiting.empty()) {
-    Record& next = waiting.begin()->second;
-    const std::uint64_t start_ns = std::max(free_at_ns, next.submitted_ns);
-    if (start_ns >= to_ns) break;
-    next.end_ns = free_at_ns = start_ns + next.duration_ns;
-    sent[next.direction].push_back(std::move(next));
-    waiting.erase(waiting.begin());
+// submitted by now_ns: of the senders that are on the bus the first of the map may go as soon as it is free.
+std::pair<MeteredCanBus::Waiting::iterator, std::uint64_t> MeteredCanBus::next(State& state) {
+  auto best = state.waiting.end();
+  std::uint64_t best_ns = 0;
+  for (auto it = state.waiting.begin(); it != state.waiting.end(); ++it) {
+    const std::uint64_t free_ns = std::max(state.free_at_ns, it->second.submitted_ns);
+    const std::uint64_t off_until_ns = state.senders[it->second.direction].off_until_ns;
+    const std::uint64_t start_ns = std::max(free_ns, off_until_ns);
+    if (best == state.waiting.end() || start_ns < best_ns) {
+      best = it;
+      best_ns = start_ns;
+    }
+    if (off_until_ns <= free_ns) break;
   }
-  now_ns = to_ns;
+  return {best, best_ns};
+}
+
+bool MeteredCanBus::is_hit(const State& state, std::size_t direction, std::uint64_t start_ns) const {
+  // Of all that may hit it at least one does.
+  double passes = 1.0;
+  for (const BusError& error : errors_.errors)
+    if (error.direction == direction && start_ns >= error.first_tick * kTick_ns &&
+        start_ns < error.end_tick * kTick_ns)
+      passes *= 1.0 - error.chance;
+  return passes < 1.0 && drawn(errors_.seed, state.attempts) >= passes;
+}
+
+void MeteredCanBus::advance(State& state, std::uint64_t to_ns) const {
+  while (!state.waiting.empty()) {
+    const auto [it, start_ns] = next(state);
+    if (start_ns >= to_ns) break;
+    Record& record = it->second;
+    State::Sender& sender = state.senders[record.direction];
+    state.free_at_ns = start_ns + record.duration_ns;
+    ++state.attempts;
+    if (is_hit(state, record.direction, start_ns)) {
+      state.free_at_ns += bits_ns(bus_, kErrorBits);
+      ++sender.attempts_failed;
+      sender.error_count += kErrorStep;
+      if (sender.error_count > kMostErrors) {
+        sender.error_count = 0;
+        ++sender.bus_offs;
+        sender.off_until_ns = state.free_at_ns + bits_ns(bus_, kBusOffBits);
+      }
+      continue;
+    }
+    if (sender.error_count > 0) --sender.error_count;
+    record.end_ns = state.free_at_ns;
+    state.sent[record.direction].push_back(std::move(record));
+    state.waiting.erase(it);
+  }
+  state.now_ns = to_ns;
 }
 
 std::size_t MeteredCanBus::State::backlog_bytes(std::size_t direction) const {
@@ -56,7 +121,7 @@ void MeteredCanBus::advance(std::uint32_t tick) {
   if (to_ns < state_.now_ns)
     throw std::invalid_argument("MeteredCanBus: tick " + std::to_string(tick) + " comes after tick " +
                                 std::to_string(state_.now_ns / kTick_ns) + "; ticks must not decrease");
-  state_.advance(to_ns);
+  advance(state_, to_ns);
 }
 
 bool MeteredCanBus::submit(std::size_t direction, std::span<const std::uint8_t> bytes, std::uint32_t tick) {
@@ -109,7 +174,7 @@ std::size_t MeteredCanBus::backlog_bytes(std::size_t direction, std::uint32_t ti
   const std::size_t held = sides_[direction].reader.held_bytes();
   if (tick * kTick_ns <= state_.now_ns) return held + state_.backlog_bytes(direction);
   State later = state_;
-  later.advance(tick * kTick_ns);
+  advance(later, tick * kTick_ns);
   return held + later.backlog_bytes(direction);
 }
 
@@ -125,6 +190,8 @@ MediumCounters MeteredCanBus::counters(std::size_t direction) const {
           .bytes_delivered = side.bytes_delivered,
           .bytes_dropped = side.bytes_dropped,
           .submissions_dropped = side.submissions_dropped,
+          .attempts_failed = state_.senders[direction].attempts_failed,
+          .bus_offs = state_.senders[direction].bus_offs,
           .busy_ticks = static_cast<double>(side.busy_ns) / static_cast<double>(kTick_ns)};
 }
 

@@ -260,5 +260,60 @@ TEST(MeteredCanBus, TransfersOfASessionArriveWhole) {
   }
 }
 
+// Each frame arrives once and in its order; an attempt that an error hits costs the frame and 20 bits.
+TEST(MeteredCanBus, AFrameThatAnErrorHitsGoesAgain) {
+  constexpr std::uint8_t kFrames = 200;
+  constexpr double kChance = 0.1, kFrame_ms = 0.160, kError_ms = 0.020;
+  MeteredCanBus bus(kClassicCan_1_Mbit, 1u << 20,
+                    {.errors = {{.direction = 0, .chance = kChance}}, .seed = 3});
+  for (std::uint8_t i = 0; i < kFrames; ++i) ASSERT_TRUE(bus.down().submit(record(kMiddle, 8, false, i), 0));
+  std::vector<Seen> got;
+  std::uint32_t tick = 0;
+  for (; got.size() < kFrames && tick < 1000; ++tick)
+    for (const Seen& one : seen(bus.down().deliver(tick))) got.push_back(one);
+  ASSERT_EQ(got.size(), kFrames);
+  for (std::uint8_t i = 0; i < kFrames; ++i) EXPECT_EQ(got[i].fill, i);
+  const MediumCounters counters = bus.down().counters();
+  const auto failed = static_cast<double>(counters.attempts_failed);
+  // Of n that went through: six standard deviations of the negative binomial distribution.
+  EXPECT_NEAR(failed, kFrames * kChance / (1.0 - kChance),
+              6.0 * std::sqrt(kFrames * kChance) / (1.0 - kChance));
+  EXPECT_EQ(tick - 1, std::ceil(kFrames * kFrame_ms + failed * (kFrame_ms + kError_ms)));
+  EXPECT_EQ(counters.bus_offs, 0u);
+  EXPECT_EQ(counters.bytes_dropped, 0u);
+}
+
+// 32 errors in a row, and the sender is off the bus for 128 times 11 bits; the other direction is not. What
+// waits goes when the errors are over.
+TEST(MeteredCanBus, ASenderOfErrorsIsOffTheBusForAWhile) {
+  constexpr std::uint32_t kUntil = 100;
+  constexpr double kFrame_ms = 0.160, kError_ms = 0.020, kOff_ms = 1.408;
+  const BusErrors errors{.errors = {{.direction = 0, .chance = 1.0 - 1e-9, .end_tick = kUntil}}, .seed = 1};
+  MeteredCanBus bus(kClassicCan_1_Mbit, 1u << 20, errors);
+  ASSERT_TRUE(bus.down().submit(record(kUrgent, 8), 0));
+  for (std::uint32_t tick = 0; tick < kUntil; ++tick) {
+    EXPECT_TRUE(bus.down().deliver(tick).empty());
+    if (tick == 6) {
+      // 32 attempts of 0.18 ms have ended at 5.76 ms: the bus is free for the other, less urgent one.
+      EXPECT_EQ(bus.down().counters().bus_offs, 1u);
+      ASSERT_TRUE(bus.up().submit(record(kLast, 8), tick));
+    }
+    EXPECT_EQ(bus.up().deliver(tick).empty(), tick != 7) << tick;
+  }
+  const MediumCounters counters = bus.down().counters();
+  const double round_ms = 32.0 * (kFrame_ms + kError_ms) + kOff_ms;
+  EXPECT_NEAR(static_cast<double>(counters.bus_offs), kUntil / round_ms, 1.0);
+  EXPECT_NEAR(static_cast<double>(counters.attempts_failed), 32.0 * kUntil / round_ms, 32.0);
+  EXPECT_FALSE(bus.down().deliver(kUntil + 3).empty());
+}
+
+TEST(MeteredCanBus, RefusesErrorsThatAreNone) {
+  for (const double chance : {-0.1, 1.0, std::nan("")})
+    EXPECT_THROW(MeteredCanBus(kClassicCan_1_Mbit, 1000, {.errors = {{.direction = 0, .chance = chance}}}),
+                 std::invalid_argument);
+  EXPECT_THROW(MeteredCanBus(kClassicCan_1_Mbit, 1000, {.errors = {{.direction = 2, .chance = 0.5}}}),
+               std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace palpate::link

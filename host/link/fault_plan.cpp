@@ -48,6 +48,16 @@ std::vector<std::uint8_t> spoil(std::vector<std::uint8_t> frame, const Fault& fa
 
 }  // namespace
 
+FaultDraw::FaultDraw(const RandomFault& fault, std::uint32_t seed) : fault_(fault), random_(seed) {
+  if (!(fault.chance >= 0.0 && fault.chance <= 1.0))
+    throw std::invalid_argument("FaultDraw: chance " + std::to_string(fault.chance) + " is not in 0..1");
+}
+
+bool FaultDraw::hits() {
+  constexpr double kRange = 4294967296.0;
+  return static_cast<double>(random_()) / kRange < fault_.chance;
+}
+
 FaultPlan::FaultPlan(std::span<const Fault> faults) {
   for (const Fault& fault : faults)
     if (!add(fault))
@@ -64,24 +74,19 @@ bool FaultPlan::add(Fault fault) {
 }
 
 void FaultPlan::add(const RandomFault& fault, std::uint32_t seed) {
-  if (!(fault.chance >= 0.0 && fault.chance <= 1.0))
-    throw std::invalid_argument("FaultPlan: chance " + std::to_string(fault.chance) + " is not in 0..1");
-  draws_.push_back({fault, std::mt19937(seed)});
+  draws_.emplace_back(fault, seed);
 }
 
 // A frame begins.
 void FaultPlan::draw(std::uint32_t tick) {
-  // Of the generator's own numbers alone: the distributions of the standard library differ between libraries.
-  constexpr double kRange = 4294967296.0;
-  for (Draw& draw : draws_) {
-    const RandomFault& fault = draw.fault;
-    if (tick < fault.first_tick || tick >= fault.end_tick) continue;
-    const bool hit = static_cast<double>(draw.random()) / kRange < fault.chance;
-    const std::size_t number = draw.random();
+  for (FaultDraw& draw : draws_) {
+    if (!draw.lasts(tick)) continue;
+    const bool hit = draw.hits();
+    const std::size_t number = draw.number();
     if (!hit) continue;
-    const bool late = comes_late(fault.kind);
-    const std::size_t length = fault.kind == FaultKind::truncate ? kMostCut : kMostBits;
-    faults_.emplace(frame_, Fault{frame_, fault.kind, late ? 1 + number % kMostBehind : number % length});
+    const bool late = comes_late(draw.kind());
+    const std::size_t length = draw.kind() == FaultKind::truncate ? kMostCut : kMostBits;
+    faults_.emplace(frame_, Fault{frame_, draw.kind(), late ? 1 + number % kMostBehind : number % length});
   }
 }
 

@@ -34,6 +34,25 @@ struct RandomFault {
   std::uint32_t end_tick = 0xffffffffu;
 };
 
+// Draws which frames such a fault hits, from the generator's own numbers alone: the distributions of the
+// standard library differ between libraries.
+class FaultDraw {
+ public:
+  // Throws std::invalid_argument for a chance outside of 0 to 1.
+  FaultDraw(const RandomFault& fault, std::uint32_t seed);
+  [[nodiscard]] FaultKind kind() const { return fault_.kind; }
+  [[nodiscard]] bool lasts(std::uint32_t tick) const {
+    return tick >= fault_.first_tick && tick < fault_.end_tick;
+  }
+  // Is the next frame hit?
+  bool hits();
+  std::size_t number() { return random_(); }
+
+ private:
+  RandomFault fault_;
+  std::mt19937 random_;
+};
+
 // A filter between a sender and its medium: the same bytes in give the same bytes out, however they are cut.
 // Bytes of a planned frame are held back until its end; all others pass at once. What is to come behind
 // frames that never come does not come either.
@@ -60,11 +79,7 @@ class FaultPlan {
  private:
   void draw(std::uint32_t tick);
 
-  struct Draw {
-    RandomFault fault;
-    std::mt19937 random;
-  };
-  std::vector<Draw> draws_;
+  std::vector<FaultDraw> draws_;
   std::map<std::uint64_t, Fault> faults_;
   std::uint64_t frame_ = 0;  // number of the frame at hand
   bool in_frame_ = false;

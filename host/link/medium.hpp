@@ -16,6 +16,8 @@ struct MediumCounters {
   std::uint64_t bytes_delivered = 0;
   std::uint64_t bytes_dropped = 0;        // of the submissions below
   std::uint64_t submissions_dropped = 0;  // they did not fit in the queue
+  // Of a CAN bus: frames that an error hit, which were sent again, and times that the sender was off the bus.
+  std::uint64_t attempts_failed = 0, bus_offs = 0;
   double busy_ticks = 0.0;  // time for which the medium carried what it has delivered, overhead included
 };
 

@@ -23,7 +23,8 @@ class TwoLines final : public MeteredLink {
 
 class CanLink final : public MeteredLink {
  public:
-  CanLink(const CanBus& bus, std::size_t queue_bytes) : bus_(bus, queue_bytes) {}
+  CanLink(const CanBus& bus, const MeteredLinkOptions& options)
+      : bus_(bus, options.queue_bytes, options.errors) {}
   Medium& down() override { return bus_.down(); }
   Medium& up() override { return bus_.up(); }
 
@@ -61,13 +62,15 @@ CanBus can_bus(const MeteredLinkOptions& options, bool fd) {
 }  // namespace
 
 std::unique_ptr<MeteredLink> make_metered_link(const MeteredLinkOptions& options) {
+  if (!options.errors.errors.empty() && framing_of(options.medium) == FramingKind::serial)
+    throw std::invalid_argument("make_metered_link: errors on the bus, of a medium that is none of CAN");
   switch (options.medium) {
     case MediumKind::uart:
       return std::make_unique<TwoLines>(options);
     case MediumKind::can:
-      return std::make_unique<CanLink>(can_bus(options, false), options.queue_bytes);
+      return std::make_unique<CanLink>(can_bus(options, false), options);
     case MediumKind::canfd:
-      return std::make_unique<CanLink>(can_bus(options, true), options.queue_bytes);
+      return std::make_unique<CanLink>(can_bus(options, true), options);
     case MediumKind::usb:
       return std::make_unique<UsbLink>(options.queue_bytes);
   }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "host/link/can_bus.hpp"
 #include "host/link/framing.hpp"
 #include "host/link/medium.hpp"
 
@@ -23,6 +24,7 @@ struct MeteredLinkOptions {
   std::uint32_t bit_rate_Hz = 1'000'000;       // of CAN: arbitration, on classic CAN all of a frame
   std::uint32_t data_bit_rate_Hz = 5'000'000;  // of CAN FD
   std::size_t queue_bytes = 1u << 20;          // that may wait in each direction
+  BusErrors errors{};                          // of CAN
 };
 
 // CAN in 10 kbit/s to 1 Mbit/s, data of CAN FD to 8 Mbit/s and never slower than the arbitration.

@@ -1,9 +1,12 @@
 #include "host/session/troubled_link.hpp"
 
 #include <cstddef>
+#include <stdexcept>
 #include <utility>
 
 #include "firmware/core/supervisor.hpp"
+#include "shared/wire/can_frame.hpp"
+#include "shared/wire/can_record.hpp"
 
 namespace palpate::host {
 namespace {
@@ -13,13 +16,9 @@ constexpr std::uint16_t kOtherNode = 11;
 constexpr std::uint32_t kOtherPeriod_ticks = 10;
 constexpr float kOtherForce_N = 8.0f;
 constexpr std::size_t kMostFlood = 64;  // frames in a tick
-
-link::FaultPlan plan(const std::vector<link::Fault>& faults, const std::vector<link::RandomFault>& random,
-                     std::uint32_t seed) {
-  link::FaultPlan plan(faults);
-  for (const link::RandomFault& fault : random) plan.add(fault, seed++);
-  return plan;
-}
+// Messages of node 99 that nobody here listens to, of Cyphal's nominal and of its first priority.
+constexpr std::uint32_t kForeignMessage = 0x0060'0000u | (7000u << 8) | 99u;
+constexpr std::uint32_t kFloodIdentifier = (4u << 26) | kForeignMessage, kBabbleIdentifier = kForeignMessage;
 
 palpate_TraceRequest_1_0 any_request() {
   palpate_TraceRequest_1_0 request{};
@@ -41,15 +40,43 @@ palpate_ModelState_1_0 any_model(std::uint32_t tick) {
 
 }  // namespace
 
+TroubledDirection::TroubledDirection(link::FramingKind framing, const std::vector<link::Fault>& planned,
+                                     const std::vector<link::RandomFault>& random, std::uint32_t seed)
+    : is_can_(framing != link::FramingKind::serial), serial_(planned) {
+  if (is_can_ && !planned.empty())
+    throw std::invalid_argument("faults of a link: planned for serial frames, on a link that is CAN");
+  for (const link::RandomFault& fault : random) {
+    if (is_can_) {
+      can_.add(fault, seed++);
+    } else {
+      serial_.add(fault, seed++);
+    }
+  }
+}
+
+std::vector<std::uint8_t> TroubledDirection::apply(std::span<const std::uint8_t> bytes, std::uint32_t tick,
+                                                   bool unplugged) {
+  if (is_can_) return can_.apply(bytes, tick, unplugged);
+  const std::uint64_t frames = serial_.frames_seen(), spoilt = serial_.frames_spoilt();
+  std::vector<std::uint8_t> left = serial_.apply(bytes, tick);
+  if (!unplugged) return left;
+  kept_ += serial_.frames_seen() - frames - (serial_.frames_spoilt() - spoilt);
+  return {};
+}
+
 TroubledLink::TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config)
     : down_(down),
       up_(up),
       troubles_(config.troubles),
-      faults_down_(plan(config.faults_down, troubles_.random_down, 2 * troubles_.seed)),
-      faults_up_(plan(config.faults_up, troubles_.random_up, 2 * troubles_.seed + 1)),
+      framing_(config.framing),
+      faults_down_(framing_, config.faults_down, troubles_.random_down, 2 * troubles_.seed),
+      faults_up_(framing_, config.faults_up, troubles_.random_up, 2 * troubles_.seed + 1),
       delay_down_(troubles_.delay_down, 3 * troubles_.seed),
       delay_up_(troubles_.delay_up, 3 * troubles_.seed + 1),
-      other_({.node = kOtherNode, .framing = config.framing}) {}
+      other_({.node = kOtherNode, .framing = config.framing}) {
+  if (!troubles_.babble.empty() && framing_ == link::FramingKind::serial)
+    throw std::invalid_argument("faults of a link: a node babbles on CAN only");
+}
 
 bool TroubledLink::is_unplugged(std::uint32_t tick) const {
   return unplugged_ || contains(troubles_.unplugged, tick);
@@ -60,24 +87,12 @@ bool TroubledLink::host_runs(std::uint32_t tick) const {
 }
 
 void TroubledLink::send_up(std::span<const std::uint8_t> bytes, std::uint32_t tick) {
-  const std::uint64_t frames = faults_up_.frames_seen(), spoilt = faults_up_.frames_spoilt();
-  std::vector<std::uint8_t> left = faults_up_.apply(bytes, tick);
-  if (is_unplugged(tick)) {
-    kept_up_ += faults_up_.frames_seen() - frames - (faults_up_.frames_spoilt() - spoilt);
-    left.clear();
-  }
-  delay_up_.submit(std::move(left), tick);
+  delay_up_.submit(faults_up_.apply(bytes, tick, is_unplugged(tick)), tick);
   delay_up_.deliver(tick, [&](const std::vector<std::uint8_t>& due) { (void)up_.submit(due, tick); });
 }
 
 void TroubledLink::send_down(std::span<const std::uint8_t> frame, std::uint32_t tick) {
-  const std::uint64_t frames = faults_down_.frames_seen(), spoilt = faults_down_.frames_spoilt();
-  std::vector<std::uint8_t> left = faults_down_.apply(frame, tick);
-  if (is_unplugged(tick)) {
-    kept_down_ += faults_down_.frames_seen() - frames - (faults_down_.frames_spoilt() - spoilt);
-    left.clear();
-  }
-  delay_down_.submit(std::move(left), tick);
+  delay_down_.submit(faults_down_.apply(frame, tick, is_unplugged(tick)), tick);
 }
 
 std::vector<std::uint8_t> TroubledLink::to_host(std::uint32_t tick) {
@@ -103,10 +118,22 @@ void TroubledLink::send_of_others(std::uint32_t tick) {
   for (const LinkTroubles::Flood& flood : troubles_.flood) {
     if (tick < flood.span.first_tick || tick >= flood.span.end_tick) continue;
     double left_bytes = flood.load * down_.bytes_per_tick();
+    if (framing_ != link::FramingKind::serial) {
+      add_foreign(left_bytes, kFloodIdentifier, frames);
+      continue;
+    }
     for (std::size_t i = 0; i < kMostFlood && left_bytes > 0.0; ++i) {
       frames.push_back(other_.encode(any_request()));
       left_bytes -= static_cast<double>(frames.back().bytes.size());
     }
+  }
+  if (contains(troubles_.babble, tick)) {
+    // As many as go in a tick: there is always one that waits.
+    babbled_bytes_ += down_.bytes_per_tick();
+    const std::size_t before = frames.size();
+    add_foreign(babbled_bytes_, kBabbleIdentifier, frames);
+    for (std::size_t i = before; i < frames.size(); ++i)
+      babbled_bytes_ -= static_cast<double>(frames[i].bytes.size());
   }
   foreign_ += frames.size();
   if (!is_unplugged(tick))
@@ -114,13 +141,26 @@ void TroubledLink::send_of_others(std::uint32_t tick) {
   delay_down_.deliver(tick, [&](const std::vector<std::uint8_t>& due) { (void)down_.submit(due, tick); });
 }
 
+void TroubledLink::add_foreign(double bytes, std::uint32_t identifier,
+                               std::vector<link::OutgoingFrame>& frames) const {
+  const bool fd = framing_ == link::FramingKind::can_fd;
+  std::vector<std::uint8_t> data(wire::can_mtu(fd ? wire::CanFormat::fd : wire::CanFormat::classic), 0x55);
+  data.back() = wire::can_tail_byte({.start = true, .end = true, .toggle = true});
+  std::vector<std::uint8_t> record(wire::kMaxCanRecordBytes);
+  record.resize(wire::write_can_record({.identifier = identifier, .fd = fd, .data = data}, record));
+  for (std::size_t i = 0; i < kMostFlood && bytes > 0.0; ++i) {
+    frames.push_back({.bytes = record});
+    bytes -= static_cast<double>(record.size());
+  }
+}
+
 void TroubledLink::add_fault(bool to_board, const link::Fault& fault) {
-  (void)(to_board ? faults_down_ : faults_up_).add(fault);
+  (to_board ? faults_down_ : faults_up_).add(fault);
 }
 
 TroubleCounters TroubledLink::counters() const {
-  return {.frames_removed_down = faults_down_.frames_spoilt() + kept_down_,
-          .frames_removed_up = faults_up_.frames_spoilt() + kept_up_,
+  return {.frames_removed_down = faults_down_.removed(),
+          .frames_removed_up = faults_up_.removed(),
           .foreign_frames = foreign_};
 }
 

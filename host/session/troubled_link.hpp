@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "host/link/can_fault_plan.hpp"
 #include "host/link/delay_line.hpp"
 #include "host/link/fault_plan.hpp"
 #include "host/link/host_endpoint.hpp"
@@ -20,10 +21,30 @@ struct TroubleCounters {
   std::uint64_t foreign_frames = 0;  // of a second host
 };
 
+// One direction's frames, hit by chance or by plan, on a serial link or on CAN.
+class TroubledDirection {
+ public:
+  // Throws as FaultPlan and CanFaultPlan do; std::invalid_argument for planned faults of frames on CAN.
+  TroubledDirection(link::FramingKind framing, const std::vector<link::Fault>& planned,
+                    const std::vector<link::RandomFault>& random, std::uint32_t seed);
+  std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes, std::uint32_t tick, bool unplugged);
+  void add(const link::Fault& fault) { (void)serial_.add(fault); }
+  // Serial frames, or transfers, that do not come whole.
+  [[nodiscard]] std::uint64_t removed() const {
+    return serial_.frames_spoilt() + kept_ + can_.transfers_spoilt();
+  }
+
+ private:
+  bool is_can_;
+  link::FaultPlan serial_;
+  link::CanFaultPlan can_;
+  std::uint64_t kept_ = 0;
+};
+
 // `down` and `up` must outlive it. One thread; ticks never decrease.
 class TroubledLink {
  public:
-  // Throws as FaultPlan does.
+  // Throws as TroubledDirection does, and std::invalid_argument for a babbling node that is not on CAN.
   TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config);
 
   // Bytes of one end on their way to the other.
@@ -44,15 +65,19 @@ class TroubledLink {
 
  private:
   [[nodiscard]] bool is_unplugged(std::uint32_t tick) const;
+  // Frames of a node that has nothing to do with the loop, so many bytes of them, rounded up.
+  void add_foreign(double bytes, std::uint32_t identifier, std::vector<link::OutgoingFrame>& frames) const;
 
   link::Medium &down_, &up_;
   LinkTroubles troubles_;
-  link::FaultPlan faults_down_, faults_up_;
+  link::FramingKind framing_;
+  TroubledDirection faults_down_, faults_up_;
   link::DelayLine delay_down_, delay_up_;
   link::HostEndpoint other_;
   bool unplugged_ = false;
   std::vector<std::uint8_t> waiting_;  // for a stopped host
-  std::uint64_t kept_down_ = 0, kept_up_ = 0, foreign_ = 0;
+  std::uint64_t foreign_ = 0;
+  double babbled_bytes_ = 0.0;  // of the present tick, less what fits in it
 };
 
 }  // namespace palpate::host

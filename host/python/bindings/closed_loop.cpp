@@ -103,6 +103,8 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
       column<std::uint32_t>(run.heard_ticks, [](std::uint32_t tick) { return tick; });
   link_counters["frames_removed_down"] = run.counters.frames_removed_down;
   link_counters["frames_removed_up"] = run.counters.frames_removed_up;
+  link_counters["attempts_failed"] = run.down.attempts_failed + run.up.attempts_failed;
+  link_counters["bus_offs"] = run.down.bus_offs + run.up.bus_offs;
   link_counters["board_restarts"] = run.counters.board_restarts;
   result["link"] = link_counters;
   result["basis_problem"] = run.bases.problem;

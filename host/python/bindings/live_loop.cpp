@@ -41,6 +41,8 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
   config.faults_down.clear();
   config.faults_up.clear();
   config.troubles = {};
+  link::MeteredLinkOptions medium = read_link(scene);
+  medium.errors = {};
   const plant::PlantParameters parameters = read_plant(scene);
   const plant::TipPath path = read_path(scene);
   host::LiveSetup setup{.body = std::move(body),
@@ -48,7 +50,7 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
                         .plant = parameters,
                         .path = path,
                         .board = std::make_unique<host::FileDescriptorPeer>(actuator_fd, sensor_fd),
-                        .link = link::make_metered_link(read_link(scene)),
+                        .link = link::make_metered_link(medium),
                         .loop = std::move(config)};
   return std::make_unique<LiveLoop>(std::move(setup));
 }

@@ -248,6 +248,7 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument(
         "--board", choices=("native", "mps2_an386"), help="faults: the board that runs the firmware (default: native)"
     )
+    bench.add_argument("--medium", choices=("uart", "can", "canfd"), help="faults: the link, with its cases (default: uart)")
     add_out(bench, "out/frontier, out/links or out/faults")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
@@ -595,7 +596,7 @@ def _bench_links(arguments: argparse.Namespace) -> int:
 def _bench(arguments: argparse.Namespace) -> int:
     if arguments.what == "faults":
         return _bench_faults(arguments)
-    for name in ("only", "board"):
+    for name in ("only", "board", "medium"):
         if getattr(arguments, name) is not None:
             raise SceneError(f"palpate bench {arguments.what}: --{name} is for palpate bench faults")
     if arguments.what == "links":
@@ -623,11 +624,12 @@ def _bench_faults(arguments: argparse.Namespace) -> int:
 
     folder = _output_folder(arguments, "faults")
     command.check_folder(folder)
-    command.choose(arguments.only, arguments.quick)
+    medium = arguments.medium or "uart"
+    command.choose(arguments.only, arguments.quick, medium)
     from palpate import _core
 
     board = arguments.board or "native"
-    values, results = command.bench_faults(_core, arguments.only, arguments.quick, board, folder, _progress)
+    values, results = command.bench_faults(_core, arguments.only, arguments.quick, board, medium, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(command.format_table(results, lambda text, good: paint(text, "green" if good else "red", table)), file=table)
     _print_files(values["files"], table)

@@ -9,6 +9,7 @@ from itertools import product
 from palpate.scene_body import Body, MaterialRegion
 from palpate.scene_schema import Reader, SceneError
 from palpate.scene_sections import (
+    FAULT_WAYS,
     TICK_S,
     Contact,
     FrictionRegion,
@@ -334,15 +335,45 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
         )
 
 
+# On a CAN bus (ISO 11898-1).
+_NOT_ON_CAN = {
+    "truncate": "a frame says its length under its CRC, so none is cut short",
+    "reorder": "frames of one identifier keep their order, and those of others overtake by priority in every run",
+}
+_MOST_BUS_ERRORS = 0.9
+
+
 def _check_link(reader: Reader, link: Link) -> None:
     if link.medium == "canfd" and link.data_bit_rate_Hz < link.bit_rate_Hz:
         raise reader.error(
             "link.data_bit_rate_Hz", link.data_bit_rate_Hz, f"in [{link.bit_rate_Hz}, 8000000] bit/s, at least link.bit_rate_Hz"
         )
-    if link.medium in ("can", "canfd") and link.faults != type(link.faults)():
-        raise reader.problem(
-            "link.faults", f'given together with link.medium = "{link.medium}": they are of Cyphal/serial frames, on "uart" or "usb"'
-        )
+    faults = link.faults
+    if link.medium not in ("can", "canfd"):
+        if faults.babble:
+            raise reader.problem("link.faults.babble", f'given together with link.medium = "{link.medium}"; a node babbles on "can" and "canfd" only')
+        return
+    for name in (f"{kind}_{way}" for kind in ("drop", "flip", "duplicate", "reorder") for way in FAULT_WAYS):
+        if getattr(faults, name):
+            raise reader.problem(
+                f"link.faults.{name}",
+                f'given together with link.medium = "{link.medium}"; frames have numbers on "uart" and "usb" only: there is link.faults.random',
+            )
+    for i, flood in enumerate(faults.flood):
+        if flood.load > 1.0:
+            raise reader.error(
+                f"link.faults.flood[{i}].load", flood.load, f'in [0, 1] where link.medium = "{link.medium}": no node sends more than its bus carries'
+            )
+    for i, fault in enumerate(faults.random):
+        where = f"link.faults.random[{i}]"
+        if fault.kind in _NOT_ON_CAN:
+            raise reader.error(
+                f"{where}.kind", fault.kind, f'"drop", "flip" or "duplicate" where link.medium = "{link.medium}": {_NOT_ON_CAN[fault.kind]}'
+            )
+        if fault.kind == "flip" and fault.chance > _MOST_BUS_ERRORS:
+            raise reader.error(
+                f"{where}.chance", fault.chance, f'in [0, {_MOST_BUS_ERRORS:g}] where link.medium = "{link.medium}", or no frame ever goes through'
+            )
 
 
 def _check_link_faults(reader: Reader, way: str, faults: LinkFaults) -> None:

@@ -437,7 +437,9 @@ class RandomFault(TimeSpan):
     way: str = key(Choice(FAULT_WAYS), "`down`: to the board; `up`: to the host")
     kind: str = key(
         Choice(("drop", "flip", "truncate", "duplicate", "reorder")),
-        "what happens to a frame that is hit; which bit flips, where it is cut and how many frames, up to 3, go before it is drawn, too",
+        "what happens to a frame that is hit; which bit flips, where it is cut and how many frames, up to 3, go before it is drawn, too. "
+        "On `can` and `canfd`, each frame of the bus: `drop`: lost, and not sent again; `duplicate`: it comes twice, one behind the other; "
+        "`flip`: every node signals an error, and the frame goes again",
     )
     chance: float = key(Number(0.0, 1.0), "that a frame is hit")
 
@@ -453,7 +455,7 @@ class LateBytes(TimeSpan):
 
 @dataclass(frozen=True, kw_only=True)
 class Flood(TimeSpan):
-    """Frames of a second host, as many as it can."""
+    """Frames of a second host, as many as it can; on a CAN bus those of another node, of nominal priority."""
 
     load: float = key(Number(0.0, 10.0), "of what the link to the board carries", default=1.0)
 
@@ -508,6 +510,9 @@ class LinkFaults:
         TablesOf(TimeSpan, 100), "another node sends commands, models and requests of its own, 100 a second each", default=()
     )
     flood: tuple[Flood, ...] = key(TablesOf(Flood, 100), "another node fills the link to the board", default=())
+    babble: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "`can`, `canfd`: a broken node fills the bus with frames of the first priority", default=()
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

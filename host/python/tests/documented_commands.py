@@ -200,6 +200,7 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
     "./run bench faults": _TOO_LONG,
+    "./run bench faults --medium canfd": _TOO_LONG,
     "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
     "build/host/host/bench/model_builders": _TOO_LONG,
     "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,

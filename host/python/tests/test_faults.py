@@ -104,10 +104,34 @@ def test_silence_must_end_the_force_and_the_outputs_in_time():
     assert (result.numbers["force_gone_ticks"], result.numbers["outputs_off_ticks"]) == (370, 1400)
 
 
-@pytest.mark.parametrize(("lost", "exact", "good"), [(10, True, True), (6, True, True), (5, True, False), (11, True, False), (11, False, True)])
-def test_losses_must_show(lost, exact, good):
-    run = replace(made_run(), removed={"down": 10, "up": 0}, counters={"frames_lost_down": lost, "frames_lost_up": 0})
-    assert (broken(run, case(exact_loss=exact)) == "") is good
+@pytest.mark.parametrize(
+    ("removed", "lost", "loss", "good"),
+    [
+        (10, 10, cases.EXACT, True),
+        (10, 6, cases.EXACT, True),
+        (10, 5, cases.EXACT, False),
+        (10, 11, cases.EXACT, False),
+        (10, 11, cases.MORE, True),
+        (10, 5, cases.MORE, False),
+        (74, 10, cases.MODULO, True),
+        (76, 8, cases.MODULO, True),
+        (74, 42, cases.MODULO, True),
+        (74, 9, cases.EXACT, False),
+        (79, 10, cases.MODULO, False),
+        (74, 106, cases.MODULO, False),
+        (64, 0, cases.MODULO, False),
+    ],
+)
+def test_losses_must_show(removed, lost, loss, good):
+    ways = {"removed": dict.fromkeys(("down", "up"), removed), "counters": dict.fromkeys(("frames_lost_down", "frames_lost_up"), lost)}
+    assert (broken(replace(made_run(), **ways), case(loss=loss)) == "") is good
+
+
+def test_bits_that_flip_must_have_flipped():
+    flips = case(group="flip")
+    assert broken(made_run(), flips) == "no bit has flipped"
+    assert broken(replace(made_run(), sent_again=1), flips) == ""
+    assert judge(flips, made_run(), replace(made_run(), sent_again=3, bus_offs=1), VALID_TICKS).numbers["bus_offs"] == 1
 
 
 def test_a_fault_that_is_to_cut_must_cut_in_its_tick():
@@ -187,11 +211,14 @@ def test_limits_are_those_of_the_firmware():
 
 
 def test_names_of_cases_are_unique_and_wrong_ones_are_told():
-    names = [one.name for one in cases.all_cases()]
-    assert len(set(names)) == len(names)
+    for medium in cases.MEDIA:
+        names = [one.name for one in cases.all_cases(medium)]
+        assert len(set(names)) == len(names)
     assert {one.group for one in command.choose(["drop", "second host"], False)} == {"drop", "second host"}
     with pytest.raises(SceneError, match="--only nothing: must be a group"):
         command.choose(["nothing"], False)
+    with pytest.raises(SceneError, match="--only truncate: must be a group"):
+        command.choose(["truncate"], False, "can")
 
 
 def test_bad_input_is_exit_code_2(tmp_path):
@@ -203,6 +230,15 @@ def test_bad_input_is_exit_code_2(tmp_path):
     ):
         done = palpate("bench", *options)
         assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_the_short_matrix_on_a_can_bus_breaks_no_rule(tmp_path):
+    done = palpate("bench", "faults", "--medium", "canfd", "--quick", "--out", str(tmp_path / "out"), "--json")
+    assert done.returncode == 0, done.stderr
+    values = json.loads(done.stdout)
+    assert values["passed"] and values["medium"] == "canfd"
+    numbers = {one["name"]: one for one in values["cases"]}
+    assert numbers["flip 10 %"]["sent_again"] > 100 and numbers["babbling node 2 s, peak"]["outputs_off_ticks"] is not None
 
 
 def test_the_short_matrix_breaks_no_rule(tmp_path):

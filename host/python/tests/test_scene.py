@@ -558,7 +558,30 @@ BAD = {
     ),
     "faults of serial frames on CAN": (
         GOOD + '[link]\nmedium = "canfd"\n[link.faults]\ndrop_up = [1]',
-        'scene.toml: link.faults: given together with link.medium = "canfd": they are of Cyphal/serial frames, on "uart" or "usb"',
+        'scene.toml: link.faults.drop_up: given together with link.medium = "canfd"; frames have numbers on "uart" and "usb" only: there is '
+        "link.faults.random",
+    ),
+    "cut frames on CAN": (
+        GOOD + '[link]\nmedium = "can"\n[link.faults]\nrandom = [{ way = "up", kind = "truncate", chance = 0.1 }]',
+        'scene.toml: link.faults.random[0].kind = "truncate": must be "drop", "flip" or "duplicate" where link.medium = "can": a frame says '
+        "its length under its CRC, so none is cut short",
+    ),
+    "reordered frames on CAN": (
+        GOOD + '[link]\nmedium = "can"\n[link.faults]\nrandom = [{ way = "up", kind = "reorder", chance = 0.1 }]',
+        'scene.toml: link.faults.random[0].kind = "reorder": must be "drop", "flip" or "duplicate" where link.medium = "can": frames of one '
+        "identifier keep their order, and those of others overtake by priority in every run",
+    ),
+    "errors on CAN without end": (
+        GOOD + '[link]\nmedium = "can"\n[link.faults]\nrandom = [{ way = "up", kind = "flip", chance = 1 }]',
+        'scene.toml: link.faults.random[0].chance = 1: must be in [0, 0.9] where link.medium = "can", or no frame ever goes through',
+    ),
+    "more than a CAN bus": (
+        GOOD + '[link]\nmedium = "canfd"\n[link.faults]\nflood = [{ load = 1.5 }]',
+        'scene.toml: link.faults.flood[0].load = 1.5: must be in [0, 1] where link.medium = "canfd": no node sends more than its bus carries',
+    ),
+    "babbling on a serial line": (
+        GOOD + "[link.faults]\nbabble = [{ from_s = 1 }]",
+        'scene.toml: link.faults.babble: given together with link.medium = "uart"; a node babbles on "can" and "canfd" only',
     ),
     "unknown trace": (
         GOOD + '[link]\ntrace = "none"',

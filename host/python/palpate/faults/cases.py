@@ -2,16 +2,24 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 # Of scenes/faults.toml: when the tip is free, sticks, slips and presses hardest.
 PHASES_S = {"free": 0.2, "stick": 1.0, "slip": 1.7, "peak": 2.8}
 # Faults that are not of one phase last from the first contact to the last one, which is without them.
 WHOLE_S = (0.4, 4.3)
+# What the scene needs to hold on a medium: tips alone are half of a trace, and on classic CAN fewer models of a smaller patch,
+# whose basis crosses in time.
+MEDIA: dict[str, dict[str, Any]] = {
+    "uart": {},
+    "can": {"link.medium": "can", "link.trace": "tip", "rates.model_update_Hz": 20.0, "model.patch_nodes": [3, 3, 2]},
+    "canfd": {"link.medium": "canfd", "link.trace": "tip"},
+}
 # Of joint 0, shared/device/parameters.hpp; a test holds it against it.
 COUNTS_PER_RAD = 4 * 1024 * 13.3 / (2.0 * math.pi)
 LINK, CUT = "link", "cut"
+EXACT, MORE, MODULO = "exact", "more", "modulo"
 
 
 @dataclass(frozen=True)
@@ -21,7 +29,8 @@ class Case:
     kind: LINK, whose force is ramped, or CUT, whose outputs go off in the tick of the fault. first_s, end_s: of the fault.
     ends_mode: that the board is in at the end of the run. faults: latched then. silent: nothing of the host arrives. refused: its
     models do, and the board takes none of them. restarts: of the board, that the host must find.
-    exact_loss: each frame that was removed shows as lost, but for the last of a port. duration_s: of the run. board: the only
+    loss: how frames that were removed show as lost: each one, but for the last of a port (EXACT), that and more (MORE), or, on CAN,
+    whose transfers have numbers of 5 bits, all but so many times 32 (MODULO). duration_s: of the run. board: the only
     one that can show it; the firmware gives the same record on all.
     """
 
@@ -36,7 +45,7 @@ class Case:
     silent: bool = False
     refused: bool = False
     restarts: int = 0
-    exact_loss: bool = True
+    loss: str = EXACT
     duration_s: float | None = None
     board: str | None = None
     quick: bool = False
@@ -51,7 +60,7 @@ def _both(**fault: Any) -> list[dict[str, Any]]:
     return [{"way": way, **fault} for way in ("down", "up")]
 
 
-def _random(kind: str, percent: float, *, quick: bool = False, exact: bool = True) -> Case:
+def _random(kind: str, percent: float, *, quick: bool = False, loss: str = EXACT) -> Case:
     first_s, end_s = WHOLE_S
     return Case(
         f"{kind} {percent:g} %",
@@ -59,7 +68,7 @@ def _random(kind: str, percent: float, *, quick: bool = False, exact: bool = Tru
         {"link.faults.random": _both(kind=kind, chance=percent / 100.0, from_s=first_s, to_s=end_s)},
         first_s,
         end_s,
-        exact_loss=exact,
+        loss=loss,
         quick=quick,
         levels={"percent": percent},
     )
@@ -73,11 +82,11 @@ def _delay(delay_ms: float, jitter_ms: float, *, quick: bool = False) -> Case:
                 quick=quick, levels={"delay_ms": delay_ms, "jitter_ms": jitter_ms})  # fmt: skip
 
 
-def _silence(key: str, phase: str, length_s: float, *, quick: bool = False) -> Case:
+def _silence(key: str, phase: str, length_s: float, *, quick: bool = False, loss: str = EXACT) -> Case:
     first_s = PHASES_S[phase]
-    what = {"unplugged": "unplugged", "host_stopped": "host stopped"}[key]
+    what = {"unplugged": "unplugged", "host_stopped": "host stopped", "babble": "babbling node"}[key]
     return Case(f"{what} {length_s:g} s, {phase}", what, {f"link.faults.{key}": [_span(first_s, first_s + length_s)]}, first_s,
-                first_s + length_s, silent=True, quick=quick, levels={"length_s": length_s})  # fmt: skip
+                first_s + length_s, silent=True, quick=quick, loss=loss, levels={"length_s": length_s})  # fmt: skip
 
 
 def _other_schema(phase: str, *, quick: bool = False) -> Case:
@@ -93,9 +102,24 @@ def _encoder(what: str, angle_rad: float, faults: int) -> Case:
                 faults=faults, levels={"angle_rad": angle_rad})  # fmt: skip
 
 
-def all_cases() -> tuple[Case, ...]:
-    """Every case, by group."""
+def _flood(load: float) -> Case:
     first_s, end_s = WHOLE_S
+    return Case(f"flood {load:g} of the link", "flood", {"link.faults.flood": [_span(first_s, end_s, load=load)]}, first_s, end_s,
+                loss=MORE, levels={"load": load})  # fmt: skip
+
+
+def _second_host() -> Case:
+    first_s, end_s = WHOLE_S
+    return Case("second host", "second host", {"link.faults.second_host": [_span(first_s, end_s)]}, first_s, end_s, loss=MORE)
+
+
+def all_cases(medium: str = "uart") -> tuple[Case, ...]:
+    """Every case of a medium, by group."""
+    return serial_cases() if medium == "uart" else can_cases()
+
+
+def serial_cases() -> tuple[Case, ...]:
+    """The whole matrix."""
     peak_s = PHASES_S["peak"]
     peak_tick = round(peak_s * 1000)
     lost_s = 11.5  # silence that latches, and time to see that it stays so
@@ -103,17 +127,12 @@ def all_cases() -> tuple[Case, ...]:
         *(_random("drop", percent, quick=percent == 50) for percent in (1, 5, 10, 25, 50)),
         *(_delay(ms, 0) for ms in (10, 50, 100, 200, 500)),
         *(_delay(0, ms, quick=ms == 30) for ms in (10, 30, 100, 500)),
-        *(_random("reorder", percent, exact=False) for percent in (10, 50)),
-        *(_random("duplicate", percent, exact=False) for percent in (10, 50)),
+        *(_random("reorder", percent, loss=MORE) for percent in (10, 50)),
+        *(_random("duplicate", percent, loss=MORE) for percent in (10, 50)),
         *(_random("flip", percent, quick=percent == 25) for percent in (5, 25)),
         *(_random("truncate", percent) for percent in (5, 25)),
-        *(
-            Case(f"flood {load:g} of the link", "flood", {"link.faults.flood": [_span(first_s, end_s, load=load)]}, first_s, end_s,
-                 exact_loss=False, levels={"load": load})
-            for load in (0.5, 0.9, 1.5)
-        ),
-        Case("second host", "second host", {"link.faults.second_host": [_span(first_s, end_s)]}, first_s, end_s,
-             exact_loss=False, quick=True),
+        *(_flood(load) for load in (0.5, 0.9, 1.5)),
+        replace(_second_host(), quick=True),
         *(
             _silence("unplugged", phase, length_s, quick=phase == "peak" and length_s == 2.0)
             for phase in PHASES_S
@@ -123,13 +142,13 @@ def all_cases() -> tuple[Case, ...]:
         Case("host killed, peak", "host killed", {"link.faults.host_stopped": [_span(peak_s, 600.0)]}, peak_s, 600.0, silent=True,
              ends_mode="fault", faults=1 << 9, duration_s=peak_s + lost_s),
         Case("unplugged 10.5 s, stick", "unplugged", {"link.faults.unplugged": [_span(1.0, 11.5)]}, 1.0, 11.5, silent=True,
-             ends_mode="fault", faults=1 << 9, exact_loss=False, duration_s=12.5),
+             ends_mode="fault", faults=1 << 9, loss=MORE, duration_s=12.5),
         *(_other_schema(phase, quick=phase == "peak") for phase in ("slip", "peak")),
         # Of the limit of 0.05 rad a tick: a fifth more, and less than half, which is still faster than the tip may be.
         _encoder("encoder jump", 0.06, 1 << 3 | 1 << 4),
         _encoder("over-speed", 0.02, 1 << 4),
         Case("board reset, peak", "board reset", {"board.faults.reset_ticks": [peak_tick]}, peak_s, peak_s, kind=CUT,
-             ends_mode="idle", exact_loss=False, restarts=1, quick=True),
+             ends_mode="idle", loss=MORE, restarts=1, quick=True),
         Case("emergency stop, peak", "emergency stop", {"board.faults.emergency_stop_ticks": [peak_tick]}, peak_s, peak_s,
              kind=CUT, ends_mode="fault", faults=1, quick=True),
         Case("ticks overrun, peak", "overrun", {"board.faults.overlong_ticks": [peak_tick + 4 * i for i in range(4)]}, peak_s,
@@ -137,9 +156,26 @@ def all_cases() -> tuple[Case, ...]:
     )  # fmt: skip
 
 
-def chosen(names: Sequence[str] | None, quick: bool) -> tuple[Case, ...]:
+def can_cases() -> tuple[Case, ...]:
+    """What is otherwise on a CAN bus: `drop`, `duplicate` and `flip` are of its frames, of which a transfer has many."""
+    return (
+        *(_random("drop", percent, loss=MODULO) for percent in (0.1, 1, 5)),
+        *(_random("duplicate", percent) for percent in (10,)),
+        *(_random("flip", percent, quick=percent == 10) for percent in (1, 10, 25)),
+        *(_delay(ms, 0) for ms in (50, 200)),
+        _delay(0, 30),
+        *(_flood(load) for load in (0.5, 0.9, 1.0)),
+        _second_host(),
+        *(_silence("unplugged", phase, length_s, loss=MODULO) for phase, length_s in (("stick", 0.5), ("slip", 2.0), ("peak", 2.0))),
+        *(_silence("host_stopped", phase, 2.0) for phase in ("slip", "peak")),
+        _silence("babble", "stick", 0.5),
+        _silence("babble", "peak", 2.0, quick=True),
+    )
+
+
+def chosen(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tuple[Case, ...]:
     """Those of the names, or of the groups with them; `quick`: some that stand for the rest. Empty where none is meant."""
-    every = all_cases()
+    every = all_cases(medium)
     if names:
         return tuple(case for case in every if case.name in names or case.group in names)
     return tuple(case for case in every if case.quick or not quick)

@@ -9,7 +9,7 @@ from typing import Any
 from palpate import __version__, experiment
 from palpate.experiment import Progress, refuse_foreign_files
 from palpate.faults import picture
-from palpate.faults.cases import Case, all_cases, chosen
+from palpate.faults.cases import MEDIA, Case, all_cases, chosen
 from palpate.faults.rules import Result, Run, judge, stiffness_N_m
 from palpate.paths import SCENES
 from palpate.scene import SceneError, load_scene
@@ -23,45 +23,47 @@ def check_folder(out: Path) -> None:
     refuse_foreign_files(out, (RESULTS, PICTURE), "palpate bench faults")
 
 
-def choose(names: Sequence[str] | None, quick: bool) -> tuple[Case, ...]:
+def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tuple[Case, ...]:
     """The cases that are asked for. Raises SceneError for a name that is none."""
-    every = all_cases()
+    every = all_cases(medium)
     known = dict.fromkeys(name for case in every for name in (case.group, case.name))
     for name in names or ():
         if name not in known:
             groups = ", ".join(dict.fromkeys(case.group for case in every))
             raise SceneError(f"--only {name}: must be a group ({groups}) or the name of a case")
-    return chosen(names, quick)
+    return chosen(names, quick, medium)
 
 
-def _run(core: Any, case: Case | None, board: str) -> tuple[Run, int]:
+def _run(core: Any, case: Case | None, board: str, medium: str) -> tuple[Run, int]:
     """A run, and the models' horizon in ticks."""
-    overrides: dict[str, Any] = dict(case.keys) if case else {}
+    overrides: dict[str, Any] = {**MEDIA[medium], **(case.keys if case else {})}
     if case and case.duration_s is not None:
         overrides["duration_s"] = case.duration_s
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
     done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], experiment.no_progress)
     removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
-    return Run(done.values, done.counters, removed, int(done.link["board_restarts"])), scene.sections.model.valid_ticks
+    counted = (int(done.link[name]) for name in ("board_restarts", "attempts_failed", "bus_offs"))
+    return Run(done.values, done.counters, removed, *counted), scene.sections.model.valid_ticks
 
 
-def run_matrix(core: Any, cases: Sequence[Case], board: str, progress: Progress) -> tuple[Run, list[Result]]:
+def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progress: Progress) -> tuple[Run, list[Result]]:
     """The run without faults, and every case held against it. Raises what `experiment.run` does."""
     results = []
-    with progress(f"fault matrix on {board}", "run") as bar:
-        good, valid_ticks = _run(core, None, board)
+    with progress(f"fault matrix on {board}, {medium}", "run") as bar:
+        good, valid_ticks = _run(core, None, board, medium)
         bar(1, len(cases) + 1)
         for i, case in enumerate(cases):
-            results.append(judge(case, good, _run(core, case, board)[0], valid_ticks))
+            results.append(judge(case, good, _run(core, case, board, medium)[0], valid_ticks))
             bar(i + 2, len(cases) + 1)
     return good, results
 
 
-def to_dict(good: Run, results: Sequence[Result], board: str, quick: bool) -> dict[str, Any]:
+def to_dict(good: Run, results: Sequence[Result], board: str, medium: str, quick: bool) -> dict[str, Any]:
     """faults.json: docs/faults.md has its keys."""
     return {
         "palpate": __version__,
         "board": board,
+        "medium": medium,
         "quick": quick,
         "passed": all(not result.broken for result in results),
         "fault_free": {
@@ -71,7 +73,7 @@ def to_dict(good: Run, results: Sequence[Result], board: str, quick: bool) -> di
         },
         "cases": [
             {
-                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "exact_loss")},
+                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss")},
                 **result.numbers,
                 "broken": list(result.broken),
             }
@@ -81,16 +83,16 @@ def to_dict(good: Run, results: Sequence[Result], board: str, quick: bool) -> di
 
 
 def bench_faults(
-    core: Any, names: Sequence[str] | None, quick: bool, board: str, out: Path, progress: Progress
+    core: Any, names: Sequence[str] | None, quick: bool, board: str, medium: str, out: Path, progress: Progress
 ) -> tuple[dict[str, Any], list[Result]]:
     """Runs the matrix, writes faults.json and faults.png there, and returns the file's content with `files`, and the results.
 
     Raises SceneError, hil.BoardError, or what the core raises.
     """
     check_folder(out)
-    cases = choose(names, quick)
-    good, results = run_matrix(core, cases, board, progress)
-    values = to_dict(good, results, board, quick)
+    cases = choose(names, quick, medium)
+    good, results = run_matrix(core, cases, board, medium, progress)
+    values = to_dict(good, results, board, medium, quick)
     out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     picture.draw(results, values["fault_free"], out / PICTURE)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.faults.cases import CUT, Case
+from palpate.faults.cases import CUT, EXACT, MODULO, MORE, Case
 from palpate.record_layout import BOARD_MODES
 
 BOOT = BOARD_MODES.index("boot")
@@ -35,6 +35,8 @@ SHALLOW_M = 1e-3
 # The last frame of each port may be lost without a later one to show it: commands, requests, pieces, states.
 LAST_OF_PORTS = 4
 
+# Transfers that a CAN bus tells apart: so many lost in a row of one port do not show.
+CAN_TRANSFERS = 32
 # Status of a model (shared/status.hpp).
 SCHEMA_MISMATCH = 18
 
@@ -50,6 +52,8 @@ class Run:
     counters: dict[str, Any]
     removed: dict[str, int]
     restarts: int = 0
+    sent_again: int = 0  # frames that an error on a CAN bus hit
+    bus_offs: int = 0
 
     @property
     def force_N(self) -> Floats:
@@ -186,10 +190,12 @@ def _losses(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
     for way in ("down", "up"):
         removed, lost = run.removed[way], int(run.counters[f"frames_lost_{way}"])
         numbers[f"removed_{way}"], numbers[f"lost_{way}"] = removed, lost
-        if case.exact_loss and not removed - LAST_OF_PORTS <= lost <= removed:
+        if case.loss == EXACT and not removed - LAST_OF_PORTS <= lost <= removed:
             broken.append(f"frames_lost_{way} = {lost}: {removed} were removed")
-        if not case.exact_loss and lost < removed - LAST_OF_PORTS and case.ends_mode == "render":
+        if case.loss == MORE and lost < removed - LAST_OF_PORTS and case.ends_mode == "render":
             broken.append(f"frames_lost_{way} = {lost}: {removed} were removed, more than that shows")
+        if case.loss == MODULO and not (0 < lost <= removed and (removed - lost) % CAN_TRANSFERS <= LAST_OF_PORTS):
+            broken.append(f"frames_lost_{way} = {lost}: {removed} were removed, all must show but for multiples of {CAN_TRANSFERS}")
     return numbers
 
 
@@ -200,9 +206,11 @@ def _counted(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
     refused = int(np.count_nonzero(told == SCHEMA_MISMATCH))
     if case.refused and (refused == 0 or refused != len(told)):
         broken.append(f"{refused} of {len(told)} models of another schema were refused for it: must be all, at least one")
+    if case.group == "flip" and run.sent_again == 0 and sum(run.removed.values()) == 0:
+        broken.append("no bit has flipped")
     if run.restarts != case.restarts:
         broken.append(f"the host found {run.restarts} restarts of the board: there were {case.restarts}")
-    return {"refused_models": refused, "board_restarts": run.restarts}
+    return {"refused_models": refused, "board_restarts": run.restarts, "sent_again": run.sent_again, "bus_offs": run.bus_offs}
 
 
 def _judge_end(case: Case, run: Run, end_tick: int, valid_ticks: int, numbers: dict[str, Any], broken: list[str]) -> None:

@@ -1,0 +1,49 @@
+#include "host/link/can_fault_plan.hpp"
+
+#include <stdexcept>
+#include <string>
+
+#include "shared/wire/can_frame.hpp"
+
+namespace palpate::link {
+
+void CanFaultPlan::add(const RandomFault& fault, std::uint32_t seed) {
+  if (fault.kind != FaultKind::drop && fault.kind != FaultKind::duplicate)
+    throw std::invalid_argument("CanFaultPlan: fault kind " + std::to_string(static_cast<int>(fault.kind)) +
+                                "; on a CAN bus frames are dropped or duplicated");
+  draws_.emplace_back(fault, seed);
+}
+
+int CanFaultPlan::copies(std::uint32_t tick) {
+  int copies = 1;
+  for (FaultDraw& draw : draws_) {
+    if (!draw.lasts(tick) || !draw.hits() || copies != 1) continue;
+    copies = draw.kind() == FaultKind::drop ? 0 : 2;
+    ++faults_applied_;
+  }
+  return copies;
+}
+
+std::vector<std::uint8_t> CanFaultPlan::apply(std::span<const std::uint8_t> bytes, std::uint32_t tick,
+                                              bool cut) {
+  std::vector<std::uint8_t> out;
+  while (true) {
+    const wire::CanRecordReader::Step step = reader_.read(bytes);
+    bytes = bytes.subspan(step.consumed);
+    if (step.found == wire::CanRecordReader::Found::nothing) return out;
+    if (step.found == wire::CanRecordReader::Found::damage || step.frame.data.empty()) continue;
+    bool& is_spoilt = spoilt_[step.frame.identifier];
+    if (wire::parse_can_tail(step.frame.data.back()).start) is_spoilt = false;
+    const int passes = copies(tick);
+    if (cut || passes == 0) {
+      if (!is_spoilt) ++transfers_spoilt_;
+      is_spoilt = true;
+      continue;
+    }
+    std::vector<std::uint8_t> record(step.frame.data.size() + wire::kCanRecordOverheadBytes);
+    record.resize(wire::write_can_record(step.frame, record));
+    for (int i = 0; i < passes; ++i) out.insert(out.end(), record.begin(), record.end());
+  }
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,83 @@
+#include "host/session/troubled_link.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <vector>
+
+#include "host/link/can_bus.hpp"
+#include "host/link/uart.hpp"
+
+namespace palpate::host {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+ClosedLoopConfig on_can(const LinkTroubles& troubles) {
+  ClosedLoopConfig config;
+  config.framing = link::FramingKind::can_classic;
+  config.troubles = troubles;
+  return config;
+}
+
+Bytes request(link::HostEndpoint& host) {
+  return host.encode(palpate_GetInfo_Request_1_0{}).bytes;
+}
+
+// For as long as a node babbles no frame of another one passes, and then at once; the node fills the bus and
+// no more.
+TEST(TroubledLink, ABabblingNodeLeavesNothingOfTheBus) {
+  constexpr std::uint32_t kFrom = 10, kUntil = 300;
+  LinkTroubles troubles;
+  troubles.babble = {{kFrom, kUntil}};
+  link::MeteredCanBus bus(link::kClassicCan_1_Mbit);
+  TroubledLink link(bus.down(), bus.up(), on_can(troubles));
+  link::HostEndpoint host({.framing = link::FramingKind::can_classic});
+  for (std::uint32_t tick = 0; tick < kFrom + 2; ++tick) {
+    (void)link.to_board(tick);
+    link.send_of_others(tick);
+  }
+  const Bytes ours = request(host);
+  link.send_down(ours, kFrom + 2);
+  std::vector<std::uint32_t> ours_at;
+  for (std::uint32_t tick = kFrom + 2; tick < kUntil + 10; ++tick) {
+    const Bytes came = link.to_board(tick);
+    if (std::search(came.begin(), came.end(), ours.begin(), ours.end()) != came.end())
+      ours_at.push_back(tick);
+    link.send_of_others(tick);
+  }
+  ASSERT_EQ(ours_at.size(), 1u);
+  EXPECT_GE(ours_at[0], kUntil);
+  EXPECT_LE(ours_at[0], kUntil + 2);
+  EXPECT_NEAR(bus.down().counters().busy_ticks, kUntil - kFrom, 2.0);
+}
+
+// Of a cable that is out each transfer counts once, however many frames it has.
+TEST(TroubledLink, TransfersThatACableKeepsAreCounted) {
+  LinkTroubles troubles;
+  troubles.unplugged = {{5, 8}};
+  link::MeteredCanBus bus(link::kClassicCan_1_Mbit);
+  TroubledLink link(bus.down(), bus.up(), on_can(troubles));
+  link::HostEndpoint host({.framing = link::FramingKind::can_classic});
+  palpate_ModelState_1_0 state{};  // many frames
+  for (std::uint32_t tick = 0; tick < 20; ++tick) {
+    link.send_down(host.encode(state).bytes, tick);
+    link.send_of_others(tick);
+  }
+  EXPECT_EQ(link.counters().frames_removed_down, 3u);
+  EXPECT_EQ(link.counters().frames_removed_up, 0u);
+}
+
+TEST(TroubledLink, RefusesWhatIsOfAnotherMedium) {
+  link::Uart down(12'000'000), up(12'000'000);
+  ClosedLoopConfig config;
+  config.troubles.babble = {{0, 1}};
+  EXPECT_THROW(TroubledLink(down, up, config), std::invalid_argument);
+  config = on_can({});
+  config.faults_up = {{.frame = 1}};
+  EXPECT_THROW(TroubledLink(down, up, config), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace palpate::host
