@@ -54,7 +54,8 @@ def broken(run: Run, one: cases.Case | None = None) -> str:
 def test_a_run_like_that_without_faults_breaks_no_rule():
     result = judge(case(), made_run(), made_run(), VALID_TICKS)
     assert result.broken == ()
-    assert result.numbers["excess_N"] == pytest.approx(-(rules.STIFFNESS_SLACK - 1.0) * 2.0 - rules.FORCE_SLACK_N)
+    assert result.numbers["rise_N"] == 0.0
+    assert result.numbers["excess_N"] == pytest.approx(-max(rules.FORCE_SLACK_N, rules.MODEL_SLACK * 2.0))
     assert result.numbers["recovery_ticks"] == 0 and result.numbers["ends_in"] == "render"
 
 
@@ -78,10 +79,24 @@ def test_each_limit_is_watched(name, rows, value, said):
 
 
 def test_more_force_than_without_the_fault_is_told_and_a_slow_rise_too():
-    def rise(run: Run) -> None:  # 3 N at the depth of 2 N: a slow rise that no step shows
-        run.values["ticks/force_N"][1000:, 2] = -2.0 - np.minimum(1.6, np.arange(TICKS - 1000) * 0.01)
+    def rise(run: Run, most_N: float) -> None:  # at the depth of 2 N: a slow rise that no step shows
+        run.values["ticks/force_N"][1000:, 2] = -2.0 - np.minimum(most_N, np.arange(TICKS - 1000) * 0.01)
 
-    assert broken(made_run(change=rise)) == "force 0.1 N above what the run without the fault allows"
+    assert broken(made_run(change=lambda run: rise(run, 0.7))) == "force 0.1 N above what the run without the fault allows"
+    assert broken(made_run(change=lambda run: rise(run, 0.59))) == ""
+
+    def deeper(run: Run) -> None:  # where the tip has never been, a force in proportion
+        rise(run, 0.7)
+        run.values["ticks/true_tip_m"][:, 2] -= 0.2 * DEPTH_M
+
+    assert broken(made_run(change=deeper)) == ""
+
+
+def test_the_usual_force_is_the_largest_at_no_more_depth():
+    good = made_run()
+    good.values["ticks/true_tip_m"][:, 2] = rules.SURFACE_Z_M - np.linspace(0.0, 0.01, TICKS)
+    good.values["ticks/force_N"][:, 2] = -np.where(np.arange(TICKS) == 300, 3.0, np.linspace(0.0, 4.0, TICKS))
+    np.testing.assert_allclose(rules.usual_N(good, np.array([0.0005, 0.005, 0.01, 0.02])), [0.2, 3.0, 4.0, 8.0], atol=2e-3)
 
 
 def test_silence_must_end_the_force_and_the_outputs_in_time():
@@ -249,7 +264,16 @@ def test_the_short_matrix_breaks_no_rule(tmp_path):
     assert values["passed"] and len(values["cases"]) == sum(one.quick for one in cases.all_cases())
     kept = json.loads(Path(values["files"]["faults.json"]).read_text("utf-8"))
     assert kept == {key: value for key, value in values.items() if key != "files"}
-    assert Path(values["files"]["faults.png"]).stat().st_size > 10_000
+    for name in ("faults.png", "forces.png"):
+        assert Path(values["files"][name]).stat().st_size > 10_000
+    page = Path(values["files"]["index.html"]).read_text("utf-8")
+    assert page.count("data:image/png;base64,") == 2 and 'src="http' not in page
+    for one in values["cases"]:
+        assert f"<td>{one['name']}</td>" in page
+    # What is left is by the case that comes closest, and nothing else has less.
+    assert all(margin["left"] >= -rules.ROUNDING for margin in values["margins"])
+    largest_N = max(one["step_N"] for one in values["cases"])
+    assert [margin["value"] for margin in values["margins"] if margin["rule"] == 2 and margin["unit"] == "N"] == [largest_N]
     # What is removed is there to be removed, or the rules hold for nothing.
     lossy = {one["name"]: one["removed_down"] + one["removed_up"] for one in values["cases"]}
     assert lossy["drop 50 %"] > 500 and lossy["flip 25 %"] > 200 and lossy["unplugged 2 s, peak"] > 400

@@ -1,4 +1,4 @@
-"""`palpate bench faults`: runs the matrix, writes faults.json and a picture, and says what broke a rule."""
+"""`palpate bench faults`: runs the matrix, writes faults.json, pictures and a page, and says what broke a rule."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -8,19 +8,20 @@ from typing import Any
 
 from palpate import __version__, experiment
 from palpate.experiment import Progress, refuse_foreign_files
-from palpate.faults import picture
+from palpate.faults import picture, report
 from palpate.faults.cases import MEDIA, Case, all_cases, chosen
-from palpate.faults.rules import Result, Run, judge, stiffness_N_m
+from palpate.faults.margins import smallest_margins
+from palpate.faults.rules import Result, Run, judge
 from palpate.paths import SCENES
 from palpate.scene import SceneError, load_scene
 
 SCENE = SCENES / "faults.toml"
-RESULTS, PICTURE = "faults.json", "faults.png"
+RESULTS, PICTURE, FORCES, REPORT = FILES = ("faults.json", "faults.png", "forces.png", "index.html")
 
 
 def check_folder(out: Path) -> None:
     """Raises SceneError where `out` holds what this command does not write."""
-    refuse_foreign_files(out, (RESULTS, PICTURE), "palpate bench faults")
+    refuse_foreign_files(out, FILES, "palpate bench faults")
 
 
 def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tuple[Case, ...]:
@@ -46,8 +47,8 @@ def _run(core: Any, case: Case | None, board: str, medium: str) -> tuple[Run, in
     return Run(done.values, done.counters, removed, *counted), scene.sections.model.valid_ticks
 
 
-def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progress: Progress) -> tuple[Run, list[Result]]:
-    """The run without faults, and every case held against it. Raises what `experiment.run` does."""
+def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progress: Progress) -> tuple[Run, list[Result], int]:
+    """The run without faults, every case held against it, and the models' horizon in ticks. Raises what `experiment.run` does."""
     results = []
     with progress(f"fault matrix on {board}, {medium}", "run") as bar:
         good, valid_ticks = _run(core, None, board, medium)
@@ -55,10 +56,10 @@ def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progre
         for i, case in enumerate(cases):
             results.append(judge(case, good, _run(core, case, board, medium)[0], valid_ticks))
             bar(i + 2, len(cases) + 1)
-    return good, results
+    return good, results, valid_ticks
 
 
-def to_dict(good: Run, results: Sequence[Result], board: str, medium: str, quick: bool) -> dict[str, Any]:
+def to_dict(good: Run, results: Sequence[Result], valid_ticks: int, board: str, medium: str, quick: bool) -> dict[str, Any]:
     """faults.json: docs/faults.md has its keys."""
     return {
         "palpate": __version__,
@@ -69,8 +70,8 @@ def to_dict(good: Run, results: Sequence[Result], board: str, medium: str, quick
         "fault_free": {
             "force_N": float(good.force_N.max()),
             "step_N": float(good.step_N.max()),
-            "stiffness_N_m": stiffness_N_m(good),
         },
+        "margins": [asdict(margin) for margin in smallest_margins(good, results, valid_ticks)],
         "cases": [
             {
                 **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss")},
@@ -85,21 +86,23 @@ def to_dict(good: Run, results: Sequence[Result], board: str, medium: str, quick
 def bench_faults(
     core: Any, names: Sequence[str] | None, quick: bool, board: str, medium: str, out: Path, progress: Progress
 ) -> tuple[dict[str, Any], list[Result]]:
-    """Runs the matrix, writes faults.json and faults.png there, and returns the file's content with `files`, and the results.
+    """Runs the matrix, writes faults.json, two pictures and a page there, and returns the file's content with `files`, and the results.
 
     Raises SceneError, hil.BoardError, or what the core raises.
     """
     check_folder(out)
     cases = choose(names, quick, medium)
-    good, results = run_matrix(core, cases, board, medium, progress)
-    values = to_dict(good, results, board, medium, quick)
+    good, results, valid_ticks = run_matrix(core, cases, board, medium, progress)
+    values = to_dict(good, results, valid_ticks, board, medium, quick)
     out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     picture.draw(results, values["fault_free"], out / PICTURE)
-    return {**values, "files": {name: str(out / name) for name in (RESULTS, PICTURE)}}, results
+    picture.draw_forces(good, results, out / FORCES)
+    report.write_report(out / REPORT, values, (out / PICTURE, out / FORCES))
+    return {**values, "files": {name: str(out / name) for name in FILES}}, results
 
 
-_COLUMNS = ("case", "step N", "excess N", "force gone ms", "off ms", "again ms", "lost/removed", "ends in")
+_COLUMNS = ("case", "step N", "rise N", "left N", "force gone ms", "off ms", "again ms", "lost/removed", "ends in")
 
 
 def format_table(results: Sequence[Result], paint: Callable[[str, bool], str]) -> str:
@@ -128,6 +131,6 @@ def _row(result: Result) -> tuple[str, ...]:
     lost = "+".join(str(numbers[f"lost_{way}"]) for way in ("down", "up"))
     removed = "+".join(str(numbers[f"removed_{way}"]) for way in ("down", "up"))
     return (
-        result.case.name, f"{numbers['step_N']:.3f}", f"{numbers['excess_N']:.2f}", ticks("force_gone_ticks"),
+        result.case.name, f"{numbers['step_N']:.3f}", f"{numbers['rise_N']:.2f}", f"{-numbers['excess_N']:.2f}", ticks("force_gone_ticks"),
         ticks("outputs_off_ticks"), ticks("recovery_ticks"), f"{lost}/{removed}", numbers["ends_in"],
     )  # fmt: skip

@@ -1,5 +1,5 @@
-"""The picture of the fault matrix: for each case how long the force lasts, how far it changes in a tick and what is left of the
-bound on it."""
+"""Pictures of the fault matrix: for each case how long the force lasts, how far it changes in a tick and what is left of the
+bound on it; and the forces themselves."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.faults.rules import FORCE_STEP_N, Result
+from palpate.faults.rules import FORCE_STEP_N, Result, Run
 from palpate.reproduce import plot
 
 _ROW_IN = 0.2
@@ -40,13 +40,39 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     steps.set_xlim(0.0, _ROOM * limit_N)
     steps.set_xlabel("largest change in a tick [N]\ngreen: without faults, red: limit")
 
-    bars(bounds, "excess_N", 0.7, 0.0, color=colours)
+    bars(bounds, "rise_N", 0.38, -0.2, color="#b8b8b8", label="above the same tick without the fault")
+    bars(bounds, "excess_N", 0.38, 0.2, color=colours, label="above what rule 3 allows (negative: left)")
     bounds.axvline(0.0, color=plot.RED, linewidth=1.0)
-    bounds.set_xlabel("force above its bound at most [N]\nnegative: what was left")
+    bounds.legend(fontsize=7, loc="lower right")
+    bounds.set_xlabel("force at most [N]")
 
     times.set_yticks(rows, [result.case.name for result in results], fontsize=7)
     times.set_ylim(len(results) - 0.4, -0.6)
     for axes in (times, steps, bounds):
         axes.grid(axis="x", linewidth=0.4)
         axes.set_axisbelow(True)
+    plot.save(figure, file)
+
+
+def draw_forces(good: Run, results: Sequence[Result], file: Path) -> None:
+    """Force over time: axes for each group, with a curve for each of its cases, and that of the run without faults."""
+    groups = list(dict.fromkeys(result.case.group for result in results))
+    columns = min(3, len(groups))
+    rows = -(-len(groups) // columns)
+    figure = Figure(figsize=(10.0, 0.6 + 1.9 * rows), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)).ravel()
+    good_s = good.values["ticks/tick"] * 1e-3
+    for one, group in zip(axes, groups, strict=False):
+        for result in results:
+            if result.case.group == group:
+                time_s = result.run.values["ticks/tick"] * 1e-3
+                shown = time_s <= good_s[-1]
+                one.plot(time_s[shown], result.run.force_N[shown], color=plot.RED if result.broken else plot.BLUE, linewidth=0.6, alpha=0.7)
+        one.plot(good_s, good.force_N, color="#444444", linewidth=0.9, linestyle=(0, (4, 2)))
+        one.set_title(group, fontsize=9)
+        one.grid(linewidth=0.4)
+    for one in axes[len(groups):]:
+        one.set_visible(False)
+    figure.supxlabel("time [s]")
+    figure.supylabel("force [N]")
     plot.save(figure, file)

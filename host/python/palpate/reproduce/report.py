@@ -12,7 +12,7 @@ from palpate.reproduce.figure import Case, Study, Table
 from palpate.reproduce.results import FigureResult
 from palpate.scene_overrides import format_override
 
-_STYLE = """
+STYLE = """
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 52rem; padding: 1rem; color: #1b1f23; background: #fff;
@@ -88,7 +88,8 @@ def format_command(case: Case, hil: bool) -> str:
     return f"./run run {file} --board {'mps2_an386' if hil else 'native'}{overrides}"
 
 
-def _verdict(passed: bool | None) -> str:
+def verdict(passed: bool | None) -> str:
+    """In its colour; None: nothing to judge."""
     name, text = {True: ("pass", "pass"), False: ("fail", "FAIL"), None: ("only", "reported")}[passed]
     return f'<span class="{name}">{text}</span>'
 
@@ -96,13 +97,13 @@ def _verdict(passed: bool | None) -> str:
 def _head(results: Sequence[FigureResult], hil: bool) -> str:
     rows = "".join(
         f'<tr><td><a href="#{result.figure.name}">{result.figure.label}</a></td>'
-        f"<td>{html.escape(result.figure.title)}</td><td>{_count(result)}</td><td>{_verdict(result.passed)}</td></tr>"
+        f"<td>{html.escape(result.figure.title)}</td><td>{_count(result)}</td><td>{verdict(result.passed)}</td></tr>"
         for result in results
     )
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{TITLE}</title><style>{_STYLE}</style></head><body>
+<title>{TITLE}</title><style>{STYLE}</style></head><body>
 <h1>{TITLE}</h1>
 <p>{_PAPER}: section 2 and the experiments of sections 5 and 6.1, done again with palpate {html.escape(__version__)}.</p>
 {"".join(f"<p>{text}</p>" for text in _how(results, hil))}
@@ -151,7 +152,7 @@ def _section(result: FigureResult, hil: bool) -> str:
     whole = f"./run reproduce {figure.name}" + (" --hil" if hil and figure.runs else "")
     scenes = ", ".join(dict.fromkeys(f"<code>{case.shown_file}</code>" for case in figure.cases))
     return f"""<section id="{figure.name}">
-<h2>{figure.label}. {html.escape(figure.title)} {_verdict(result.passed)}</h2>
+<h2>{figure.label}. {html.escape(figure.title)} {verdict(result.passed)}</h2>
 <p>What the paper states:</p>{claims}
 <p>What was done here:</p>{setting}
 <figure><img alt="Our {figure.label}: {html.escape(figure.caption)}" src="data:image/png;base64,{image}">
@@ -188,5 +189,5 @@ def _row(check: Check) -> str:
         f'<tr><td><strong>{html.escape(check.name)}</strong><br><span class="why">Paper: '
         f"{html.escape(check.paper_states)}. {html.escape(why)}.</span></td>"
         f'<td class="number" data-label="Measured">{format_number(check.measured)}{unit}</td>{shown}'
-        f"<td>{_verdict(check.passed)}</td></tr>\n"
+        f"<td>{verdict(check.passed)}</td></tr>\n"
     )

@@ -1,0 +1,61 @@
+"""What is left of each rule of the fault matrix, by the case that comes closest to it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from palpate.faults.cases import CUT
+from palpate.faults.rules import (
+    DAMPING_TICKS,
+    FADE_TICKS,
+    FORCE_STEP_N,
+    MOTOR_CURRENT_A,
+    PEAK_FORCE_N,
+    SIGN_TICKS,
+    TIP_SPEED_M_S,
+    Result,
+    Run,
+)
+
+
+@dataclass(frozen=True)
+class Margin:
+    """value: the largest of all cases, in `case`; left: limit - value."""
+
+    rule: int
+    what: str
+    unit: str
+    value: float
+    limit: float
+    left: float
+    case: str
+
+
+def smallest_margins(good: Run, results: Sequence[Result], valid_ticks: int) -> list[Margin]:
+    """Of each number that a rule limits and that a case has. results: not empty."""
+    margins = []
+
+    def add(rule: int, what: str, unit: str, limit: float, value_of: Callable[[Result], float | None]) -> None:
+        known = [(value, result.case.name) for result in results if (value := value_of(result)) is not None]
+        if known:
+            value, case = max(known, key=lambda one: one[0])
+            margins.append(Margin(rule, what, unit, value, limit, limit - value, case))
+
+    def number(name: str) -> Callable[[Result], float | None]:
+        return lambda result: result.numbers[name]
+
+    def of(name: str, wanted: Callable[[Result], bool]) -> Callable[[Result], float | None]:
+        return lambda result: result.numbers[name] if wanted(result) else None
+
+    add(1, "force", "N", PEAK_FORCE_N, number("force_N"))
+    add(1, "set-point", "A", MOTOR_CURRENT_A, number("current_A"))
+    add(1, "speed of the tip", "m/s", TIP_SPEED_M_S, number("speed_m_s"))
+    add(2, "change of force in a tick", "N", float(good.step_N.max()) + FORCE_STEP_N, number("step_N"))
+    add(2, "from the fault that cuts to outputs off, of one that lasts a tick", "ms", 0.0,
+        of("outputs_off_ticks", lambda result: result.case.kind == CUT and result.case.first_s == result.case.end_s))  # fmt: skip
+    add(3, "force above what is allowed at that depth", "N", 0.0, number("excess_N"))
+    gone = valid_ticks + FADE_TICKS
+    add(4, "from the last model to no force of it", "ms", gone,
+        of("force_gone_ticks", lambda result: result.case.silent or result.case.refused))  # fmt: skip
+    add(4, "from silence to outputs off", "ms", gone + DAMPING_TICKS + SIGN_TICKS,
+        of("outputs_off_ticks", lambda result: result.case.silent))  # fmt: skip
+    return margins
