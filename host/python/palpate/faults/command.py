@@ -35,9 +35,9 @@ def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tu
     return chosen(names, quick, medium)
 
 
-def _run(core: Any, case: Case | None, board: str, medium: str) -> tuple[Run, int]:
+def _run(core: Any, case: Case | None, board: str, medium: str, body: dict[str, Any] | None = None) -> tuple[Run, int]:
     """A run, and the models' horizon in ticks."""
-    overrides: dict[str, Any] = {**MEDIA[medium], **(case.keys if case else {})}
+    overrides: dict[str, Any] = {**MEDIA[medium], **(body or {}), **(case.keys if case else {})}
     if case and case.duration_s is not None:
         overrides["duration_s"] = case.duration_s
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
@@ -52,9 +52,13 @@ def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progre
     results = []
     with progress(f"fault matrix on {board}, {medium}", "run") as bar:
         good, valid_ticks = _run(core, None, board, medium)
+        of_body = {json.dumps({}): good}
         bar(1, len(cases) + 1)
         for i, case in enumerate(cases):
-            results.append(judge(case, good, _run(core, case, board, medium)[0], valid_ticks))
+            name = json.dumps(case.body)
+            if name not in of_body:
+                of_body[name] = _run(core, None, board, medium, case.body)[0]
+            results.append(judge(case, of_body[name], _run(core, case, board, medium, case.body)[0], valid_ticks))
             bar(i + 2, len(cases) + 1)
     return good, results, valid_ticks
 
@@ -71,7 +75,7 @@ def to_dict(good: Run, results: Sequence[Result], valid_ticks: int, board: str, 
             "force_N": float(good.force_N.max()),
             "step_N": float(good.step_N.max()),
         },
-        "margins": [asdict(margin) for margin in smallest_margins(good, results, valid_ticks)],
+        "margins": [asdict(margin) for margin in smallest_margins(results, valid_ticks)],
         "cases": [
             {
                 **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss")},
@@ -97,7 +101,7 @@ def bench_faults(
     out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     picture.draw(results, values["fault_free"], out / PICTURE)
-    picture.draw_forces(good, results, out / FORCES)
+    picture.draw_forces(results, out / FORCES)
     report.write_report(out / REPORT, values, (out / PICTURE, out / FORCES))
     return {**values, "files": {name: str(out / name) for name in FILES}}, results
 

@@ -7,19 +7,17 @@ from palpate.faults.cases import CUT
 from palpate.faults.rules import (
     DAMPING_TICKS,
     FADE_TICKS,
-    FORCE_STEP_N,
     MOTOR_CURRENT_A,
     PEAK_FORCE_N,
     SIGN_TICKS,
     TIP_SPEED_M_S,
     Result,
-    Run,
 )
 
 
 @dataclass(frozen=True)
 class Margin:
-    """value: the largest of all cases, in `case`; left: limit - value."""
+    """value, limit: those of `case`, which has the least left of all; left: limit - value."""
 
     rule: int
     what: str
@@ -30,15 +28,18 @@ class Margin:
     case: str
 
 
-def smallest_margins(good: Run, results: Sequence[Result], valid_ticks: int) -> list[Margin]:
+def smallest_margins(results: Sequence[Result], valid_ticks: int) -> list[Margin]:
     """Of each number that a rule limits and that a case has. results: not empty."""
     margins = []
 
-    def add(rule: int, what: str, unit: str, limit: float, value_of: Callable[[Result], float | None]) -> None:
-        known = [(value, result.case.name) for result in results if (value := value_of(result)) is not None]
+    def add(rule: int, what: str, unit: str, limit: float | str, value_of: Callable[[Result], float | None]) -> None:
+        known = []
+        for result in results:
+            value, most = value_of(result), result.numbers[limit] if isinstance(limit, str) else limit
+            if value is not None:
+                known.append(Margin(rule, what, unit, value, most, most - value, result.case.name))
         if known:
-            value, case = max(known, key=lambda one: one[0])
-            margins.append(Margin(rule, what, unit, value, limit, limit - value, case))
+            margins.append(min(known, key=lambda margin: margin.left))
 
     def number(name: str) -> Callable[[Result], float | None]:
         return lambda result: result.numbers[name]
@@ -49,7 +50,7 @@ def smallest_margins(good: Run, results: Sequence[Result], valid_ticks: int) -> 
     add(1, "force", "N", PEAK_FORCE_N, number("force_N"))
     add(1, "set-point", "A", MOTOR_CURRENT_A, number("current_A"))
     add(1, "speed of the tip", "m/s", TIP_SPEED_M_S, number("speed_m_s"))
-    add(2, "change of force in a tick", "N", float(good.step_N.max()) + FORCE_STEP_N, number("step_N"))
+    add(2, "change of force in a tick", "N", "step_limit_N", number("step_N"))
     add(2, "from the fault that cuts to outputs off, of one that lasts a tick", "ms", 0.0,
         of("outputs_off_ticks", lambda result: result.case.kind == CUT and result.case.first_s == result.case.end_s))  # fmt: skip
     add(3, "force above what is allowed at that depth", "N", 0.0, number("excess_N"))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.faults.rules import FORCE_STEP_N, Result, Run
+from palpate.faults.rules import FORCE_STEP_N, Result
 from palpate.reproduce import plot
 
 _ROW_IN = 0.2
@@ -31,7 +31,7 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     bars(times, "force_gone_ticks", 0.38, -0.2, color=plot.BLUE, label="force of the model gone")
     bars(times, "outputs_off_ticks", 0.38, 0.2, color="#b8b8b8", label="outputs off")
     times.set_xlabel("after the fault begins [ms]")
-    times.legend(fontsize=7, loc="lower right")
+    times.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
     limit_N = fault_free["step_N"] + FORCE_STEP_N
     bars(steps, "step_N", 0.7, 0.0, color=colours)
@@ -43,7 +43,7 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     bars(bounds, "rise_N", 0.38, -0.2, color="#b8b8b8", label="above the same tick without the fault")
     bars(bounds, "excess_N", 0.38, 0.2, color=colours, label="above what rule 3 allows (negative: left)")
     bounds.axvline(0.0, color=plot.RED, linewidth=1.0)
-    bounds.legend(fontsize=7, loc="lower right")
+    bounds.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     bounds.set_xlabel("force at most [N]")
 
     times.set_yticks(rows, [result.case.name for result in results], fontsize=7)
@@ -54,20 +54,21 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     plot.save(figure, file)
 
 
-def draw_forces(good: Run, results: Sequence[Result], file: Path) -> None:
+def draw_forces(results: Sequence[Result], file: Path) -> None:
     """Force over time: axes for each group, with a curve for each of its cases, and that of the run without faults."""
     groups = list(dict.fromkeys(result.case.group for result in results))
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
     figure = Figure(figsize=(10.0, 0.6 + 1.9 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)).ravel()
-    good_s = good.values["ticks/tick"] * 1e-3
     for one, group in zip(axes, groups, strict=False):
-        for result in results:
-            if result.case.group == group:
-                time_s = result.run.values["ticks/tick"] * 1e-3
-                shown = time_s <= good_s[-1]
-                one.plot(time_s[shown], result.run.force_N[shown], color=plot.RED if result.broken else plot.BLUE, linewidth=0.6, alpha=0.7)
+        of_group = [result for result in results if result.case.group == group]
+        good = of_group[0].good
+        good_s = good.values["ticks/tick"] * 1e-3
+        for result in of_group:
+            time_s = result.run.values["ticks/tick"] * 1e-3
+            shown = time_s <= good_s[-1]
+            one.plot(time_s[shown], result.run.force_N[shown], color=plot.RED if result.broken else plot.BLUE, linewidth=0.6, alpha=0.7)
         one.plot(good_s, good.force_N, color="#444444", linewidth=0.9, linestyle=(0, (4, 2)))
         one.set_title(group, fontsize=9)
         one.grid(linewidth=0.4)

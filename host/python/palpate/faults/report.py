@@ -19,7 +19,7 @@ _RULES = (
     "Recovery. The run ends in the mode that is documented, by itself where it may.",
     "Counted. Every frame that was removed, every model that was refused and every restart shows.",
 )
-_COLUMNS = ("case", "", "change in a tick [N]", "rise in a tick [N]", "left of rule 3 [N]", "force gone [ms]", "outputs off [ms]",
+_COLUMNS = ("case", "", "change in a tick [N]", "rise over the same tick [N]", "left of rule 3 [N]", "force gone [ms]", "outputs off [ms]",
             "first model again [ms]", "lost of removed", "ends in")  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def write_report(file: Path, values: dict[str, Any], pictures: Sequence[Path]) -
 and changes by {format_number(free["step_N"])} N in a tick at most. All of it is virtual time and repeats to the bit; the rules in full
 are in docs/faults.md.</p>
 <h2>What is left of each rule</h2>
-<div class="wide"><table><thead><tr><th>Rule</th><th>Largest of all cases</th><th>Limit</th><th>Left</th></tr></thead><tbody>
+<div class="wide"><table><thead><tr><th>Rule</th><th>Closest of all cases</th><th>Limit</th><th>Left</th></tr></thead><tbody>
 {"".join(_rule(i + 1, words, values) for i, words in enumerate(_RULES))}
 </tbody></table></div>
 <h2>Pictures</h2>

@@ -96,6 +96,7 @@ class Result:
     numbers: dict[str, Any]
     broken: tuple[str, ...]
     run: Run
+    good: Run
 
 
 def usual_N(good: Run, depth_m: Floats) -> Floats:
@@ -142,7 +143,7 @@ def judge(case: Case, good: Run, run: Run, valid_ticks: int) -> Result:
             broken.append(f"{name} = {numbers[name]:.3g}: must be at most {limit:g}")
     if np.any(setpoint_A[off]) or np.any(run.force_N[off]):
         broken.append("set-points while outputs are off")
-    step_limit_N = float(good.step_N.max()) + FORCE_STEP_N
+    step_limit_N = numbers["step_limit_N"] = float(good.step_N.max()) + FORCE_STEP_N
     if not numbers["step_N"] <= step_limit_N + ROUNDING:
         broken.append(f"step_N = {numbers['step_N']:.3g}: must be at most {step_limit_N:.3g}")
     if not numbers["excess_N"] <= ROUNDING:
@@ -152,7 +153,7 @@ def judge(case: Case, good: Run, run: Run, valid_ticks: int) -> Result:
     numbers.update(_losses(case, run, broken))
     numbers.update(_counted(case, run, broken))
     _judge_end(case, run, end_tick, valid_ticks, numbers, broken)
-    return Result(case, numbers, tuple(broken), run)
+    return Result(case, numbers, tuple(broken), run, good)
 
 
 def _first(condition: NDArray[np.bool_], tick: NDArray[Any], since_tick: int) -> int | None:
