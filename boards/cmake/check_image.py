@@ -119,8 +119,9 @@ def main() -> int:
     parser.add_argument("--compiler", required=True, help="its size and nm are beside it")
     parser.add_argument("--flash", type=int, required=True, help="bytes of the part")
     parser.add_argument("--ram", type=int, required=True, help="bytes of the part")
-    parser.add_argument("--contexts", nargs="+", required=True, help="entry functions, lowest priority first")
+    parser.add_argument("--contexts", nargs="+", required=True, help="entry functions, lowest priority first; those of one priority joined by |")
     parser.add_argument("--indirect", nargs="*", default=[], help="functions that are called through pointers")
+    parser.add_argument("--table", type=pathlib.Path, help="a file for the table, too")
     parser.add_argument("--objects", type=pathlib.Path, nargs="+", required=True)
     arguments = parser.parse_args()
     tool_prefix = arguments.compiler.removesuffix("g++")
@@ -146,19 +147,23 @@ def main() -> int:
     graph = CallGraph([file.with_suffix(".ci") for file in arguments.objects], names_of_address,
                       set(arguments.indirect))
     graph.leave_out(weak_references(tool_prefix, arguments.objects) - defined)
-    depths = {name: graph.deepest(name) for name in arguments.contexts}
+    depths = {names: max(graph.deepest(name) for name in names.split("|")) for names in arguments.contexts}
     problems += sorted(set(graph.unbounded))
 
     rows = [("flash", sum(sizes.get(name, 0) for name in FLASH_SECTIONS), arguments.flash),
             ("RAM, stack included", sum(sizes.get(name, 0) for name in RAM_SECTIONS), arguments.ram),
             ("deepest stack", sum(depths.values()) + EXCEPTION_FRAME_BYTES * (len(depths) - 1), sizes[".stack"])]
-    print(f"{arguments.image.name:<28}{'bytes':>10}{'budget':>10}")
+    table = [f"{arguments.image.name:<38}{'bytes':>10}{'budget':>10}"]
     for name, used, budget in rows:
-        print(f"  {name:<26}{used:>10,}{budget:>10,}{used / budget:>8.0%}")
+        table.append(f"  {name:<36}{used:>10,}{budget:>10,}{used / budget:>8.0%}")
         if used > budget:
             problems.append(f"{name}: {used} bytes, the budget is {budget}")
-    for name, depth in depths.items():
-        print(f"    {name:<24}{depth:>10,}")
+    for names, depth in depths.items():
+        for i, name in enumerate(names.split("|")):
+            table.append(f"    {name:<34}{depth:>10,}" if i == 0 else f"    or {name}")
+    print("\n".join(table))
+    if arguments.table:
+        arguments.table.write_text("\n".join(table) + "\n", encoding="utf-8")
     for problem in problems:
         print(f"{arguments.image.name}: {problem}", file=sys.stderr)
     return 1 if problems else 0

@@ -7,7 +7,8 @@ configure_file(${_mps2}/link.ld.in ${_script} @ONLY)
 # palpate_mps2_firmware(IMAGE OBJECTS WIRE LIB...): the firmware, with what carries the link in lock-step
 # (boards/lockstep/over_*). LIB are the libraries that are its own, those that the budgets look into.
 function(palpate_mps2_firmware image objects wire)
-  add_library(${objects} OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp)
+  add_library(${objects} OBJECT ${_mps2}/main.cpp ${_mps2}/platform.cpp ${_mps2}/startup.cpp
+    ${PALPATE_START_UP})
   target_include_directories(${objects} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/boards/lockstep/${wire})
   target_compile_definitions(${objects} PRIVATE PALPATE_VERSION="${PROJECT_VERSION}")
   target_link_libraries(${objects} PUBLIC ${ARGN})
@@ -33,7 +34,8 @@ endforeach()
 # palpate_mps2_program(NAME SOURCE LIBRARY): an image of its own, NAME_BOARD.elf, that runs without interrupts.
 function(palpate_mps2_program name source library)
   set(_target ${name}_${PALPATE_BOARD})
-  add_executable(${_target} ${_mps2}/${source} ${_mps2}/no_interrupts.cpp ${_mps2}/startup.cpp)
+  add_executable(${_target} ${_mps2}/${source} ${_mps2}/no_interrupts.cpp ${_mps2}/startup.cpp
+    ${PALPATE_START_UP})
   set_target_properties(${_target} PROPERTIES SUFFIX .elf)
   target_link_libraries(${_target} PRIVATE ${library})
   palpate_bare_metal_link(${_target} ${_script})
