@@ -7,6 +7,8 @@ target_compile_options(palpate_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Werror -Wconversion -Wsign-conversion -Wdouble-promotion
     -Wshadow -Wold-style-cast -Wswitch-enum>)
 target_include_directories(palpate_options INTERFACE ${CMAKE_SOURCE_DIR})
+# Capacities of a part with less memory than others: its preset sets them (docs/decisions/memory.md).
+target_compile_definitions(palpate_options INTERFACE ${PALPATE_CAPACITIES})
 if(CMAKE_CROSSCOMPILING)
   # Absolute code, and a call graph with stack sizes beside every object (read by check_image.py).
   set(CMAKE_POSITION_INDEPENDENT_CODE OFF)

@@ -76,7 +76,11 @@ concept ClockPort = requires(const B& board) {
 #endif
 // 4,096 are two ticks of 12 Mbaud.
 inline constexpr std::uint32_t kLinkReceiveCapacity = PALPATE_LINK_RECEIVE_BYTES;
-inline constexpr std::uint32_t kLinkTransmitCapacity = 4096;  // about 25 traces of 4 ticks
+#ifndef PALPATE_LINK_TRANSMIT_BYTES
+#define PALPATE_LINK_TRANSMIT_BYTES 4096
+#endif
+// 4,096 are about 25 traces of 4 ticks.
+inline constexpr std::uint32_t kLinkTransmitCapacity = PALPATE_LINK_TRANSMIT_BYTES;
 struct LinkBuffers {
   SpscRing<std::uint8_t, kLinkReceiveCapacity> received;
   SpscRing<std::uint8_t, kLinkTransmitCapacity> transmit;

@@ -7,7 +7,9 @@
 #endif
 #define CFG_TUSB_OS OPT_OS_NONE
 #define CFG_TUSB_DEBUG 0
-#define CFG_TUD_TASK_QUEUE_SZ 8 /* events: the stack runs after each */
+#ifndef CFG_TUD_TASK_QUEUE_SZ
+#define CFG_TUD_TASK_QUEUE_SZ 8 /* events: the stack runs after each; more where an interrupt makes them */
+#endif
 #define CFG_TUSB_RHPORT0_MODE (OPT_MODE_DEVICE | OPT_MODE_FULL_SPEED)
 #define CFG_TUSB_MEM_SECTION
 #define CFG_TUSB_MEM_ALIGN __attribute__((aligned(4)))

@@ -35,6 +35,10 @@ void UsbLink::service() {
   transmit();
 }
 
+bool UsbLink::has_work() {
+  return tud_task_event_ready();
+}
+
 void UsbLink::tick() {
   if (!vendor_open_ || !packet_waits_ || ++waited_ticks_ < kPatience_ticks) return;
   vendor_open_ = false;

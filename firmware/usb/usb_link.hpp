@@ -38,6 +38,8 @@ class UsbLink {
   // Handles what the controller has reported, at most a packet each way and endpoint: after every
   // transaction, or as often as the main loop comes round.
   void service();
+  // Has the controller reported what service() has not handled? Also with interrupts held back.
+  [[nodiscard]] static bool has_work();
   // Once after each servo tick.
   void tick();
 

@@ -14,7 +14,13 @@
 namespace palpate {
 
 // Fixed capacities; bases and states on the wire are bounded by them (shared/wire).
-inline constexpr std::size_t kMaxModes = 192;  // 64 nodes in 3D: the paper's 4x4x4 patch
+inline constexpr std::size_t kMostModes = 192;  // of any board: 64 nodes in 3D, the paper's 4x4x4 patch
+// A build for a part with less memory sets fewer (docs/decisions/memory.md).
+#ifndef PALPATE_MAX_MODES
+#define PALPATE_MAX_MODES 192
+#endif
+inline constexpr std::size_t kMaxModes = PALPATE_MAX_MODES;
+static_assert(kMaxModes <= kMostModes);
 inline constexpr std::size_t kMaxSurfaceNodes = 32;
 inline constexpr std::size_t kMaxTriangles = 96;
 inline constexpr std::size_t kMaxFrictions = 4;  // different pairs of coefficients in one body

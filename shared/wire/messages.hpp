@@ -122,11 +122,11 @@ Status serialize(const Message& message, std::span<std::uint8_t> out, std::size_
 template <class Message>
 Status deserialize(std::span<const std::uint8_t> payload, Message& message);
 
-// The messages' bounds are the capacities of the runtime.
+// The messages' bounds are the capacities of the runtime, where it has all modes.
 static_assert(palpate_ModelState_1_0_displacement_ARRAY_CAPACITY_ == 3 * kMaxSurfaceNodes);
-static_assert(palpate_ModelState_1_0_load_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_ModelState_1_0_q_ARRAY_CAPACITY_ == kMaxModes);
-static_assert(palpate_ModelState_1_0_p_ARRAY_CAPACITY_ == kMaxModes);
+static_assert(palpate_ModelState_1_0_load_ARRAY_CAPACITY_ == kMostModes);
+static_assert(palpate_ModelState_1_0_q_ARRAY_CAPACITY_ == kMostModes);
+static_assert(palpate_ModelState_1_0_p_ARRAY_CAPACITY_ == kMostModes);
 static_assert((kMaxBasisBytes + palpate_ModelPart_1_0_BLOCK_BYTES - 1) / palpate_ModelPart_1_0_BLOCK_BYTES <=
               8 * palpate_BasisReport_1_0_missing_ARRAY_CAPACITY_);
 

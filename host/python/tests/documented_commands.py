@@ -77,6 +77,7 @@ RUN = {
 
 # command -> the test that runs it, or the part of it that costs.
 TESTED = {
+    "./run build --board nucleo_g474re": "hil_tests/test_nucleo_images.py::test_each_image_keeps_its_budgets",
     "./run demo": "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards",
     "./run demo --board native --out out/native": (
         "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards"

@@ -1,0 +1,98 @@
+// The ports of firmware/ports/ports.hpp on the NUCLEO-G474RE.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "board_wire.hpp"
+#include "boards/nucleo_g474re/calibration.hpp"
+#include "boards/nucleo_g474re/pins.hpp"
+#include "boards/stm32g4/clock.hpp"
+#include "boards/stm32g4/currents.hpp"
+#include "boards/stm32g4/encoders.hpp"
+#include "boards/stm32g4/timebase.hpp"
+#include "firmware/ports/ports.hpp"
+
+extern "C" {
+// By these names a debugger finds them, and the machine of the tests. Written by the tick.
+extern palpate::firmware::TickReport palpate_last_tick_report;
+extern std::array<palpate::stm32g4::EncoderIndex, 3> palpate_encoder_index;
+}
+
+namespace palpate::board {
+
+// A background that has not come round for so long is stuck: the longest that it takes when it works, models
+// with bases decoded at once, is a few ticks.
+inline constexpr std::uint32_t kBackgroundPatience_ticks = 50;
+
+class NucleoG474re {
+ public:
+  NucleoG474re(const stm32g4::CurrentCalibration& calibration, const std::array<std::uint8_t, 16>& unique_id)
+      : setpoints_(calibration), monitors_(calibration), wire_(link_, unique_id) {}
+
+  // Before the first tick, in this order: enable low, clocks, set-points at mid-scale, all else. The watchdog
+  // runs when it returns.
+  static stm32g4::ClockSource begin_pins_and_clock();
+  void begin();
+  void start_ticks() { timebase_.start_ticks(); }
+  // Background, when there is nothing to do: waits for the next interrupt unless due().
+  template <class Due>
+  void idle(Due due);
+  BoardWire& wire() { return wire_; }
+
+  // TickPort
+  void isr_begin_tick(std::uint32_t tick);
+  void isr_end_tick(const firmware::TickReport& report);
+
+  // EncoderPort, AmplifierPort, EmergencyStopPort
+  [[nodiscard]] std::array<std::int32_t, 3> isr_encoder_counts() const { return encoders_.isr_counts(); }
+  [[nodiscard]] std::array<float, 3> isr_measured_currents_A() const { return monitors_.isr_currents_A(); }
+  [[nodiscard]] bool isr_emergency_stop_open() const { return emergency_stop_open_; }
+  void isr_set_currents(const std::array<float, 3>& setpoint_A);
+  void isr_enable_amplifiers(firmware::EnableKey key);
+  void isr_disable_amplifiers();
+
+  // ClockPort
+  [[nodiscard]] std::uint32_t clock_count() const { return stm32g4::Timebase::clock_count(); }
+  [[nodiscard]] std::uint32_t clock_Hz() const { return stm32g4::kSystemClock_Hz; }
+  [[nodiscard]] std::uint32_t first_due_count() const { return timebase_.first_due_count(); }
+
+  // LinkPort
+  firmware::LinkBuffers& link() { return link_; }
+  void poll_receive() {
+    wire_.poll_receive();
+    serve_calibration_request(!enabled_.load(std::memory_order_relaxed));
+  }
+  void start_transmit() {
+    wire_.start_transmit();
+    background_tick_.store(tick_.load(std::memory_order_relaxed), std::memory_order_relaxed);
+  }
+
+ private:
+  firmware::LinkBuffers link_{};
+  stm32g4::Timebase timebase_;
+  stm32g4::Encoders encoders_;
+  stm32g4::CurrentSetpoints setpoints_;
+  stm32g4::CurrentMonitors monitors_;
+  BoardWire wire_;
+
+  std::array<float, 3> setpoint_A_{};
+  std::atomic<bool> enabled_{false};  // written by the interrupt
+  bool emergency_stop_open_ = true;
+  std::uint32_t missed_deadlines_ = 0;
+  std::atomic<std::uint32_t> tick_{0};             // written by the interrupt
+  std::atomic<std::uint32_t> background_tick_{0};  // written by the background
+};
+
+// With interrupts held back between the question and WFI, none is slept through: a pending one ends WFI also
+// while it is held back.
+template <class Due>
+void NucleoG474re::idle(Due due) {
+  wire_.idle();
+  asm volatile("cpsid i" ::: "memory");
+  if (!due() && !wire_.has_work()) asm volatile("dsb\n wfi" ::: "memory");
+  asm volatile("cpsie i\n isb" ::: "memory");
+}
+
+}  // namespace palpate::board

@@ -1,0 +1,69 @@
+#include "boards/stm32g4/fault_record.hpp"
+
+#include <initializer_list>
+
+#include "boards/stm32g4/core_registers.hpp"
+#include "boards/stm32g4/registers.hpp"
+
+extern "C" {
+[[gnu::section(".noinit"), gnu::used]] palpate::stm32g4::FaultRecord palpate_fault_record;
+[[gnu::used]] palpate::stm32g4::BootReport palpate_boot_report;
+}
+
+namespace palpate::stm32g4 {
+namespace {
+
+// Not zero and not all ones for a record of zeros or ones, as memory may come up.
+std::uint32_t check_of(const FaultRecord& record) {
+  std::uint32_t sum = 0x50414C50;
+  for (const std::uint32_t word :
+       {static_cast<std::uint32_t>(record.reason), record.detail, record.program_counter, record.cfsr,
+        record.hfsr, record.bfar, record.failed_starts}) {
+    sum = ((sum << 5) | (sum >> 27)) ^ word;
+  }
+  return sum;
+}
+
+void write(FaultRecord record) {
+  record.check = check_of(record);
+  palpate_fault_record = record;
+}
+
+}  // namespace
+
+const BootReport& boot_report() {
+  return palpate_boot_report;
+}
+
+void note_reset() {
+  const FaultRecord record = palpate_fault_record;
+  palpate_boot_report.reset_flags = RCC[rcc::CSR];
+  set(RCC[rcc::CSR], rcc::CSR_RMVF);
+  if (record.check == check_of(record)) palpate_boot_report.fault = record;
+  write({.failed_starts = palpate_boot_report.fault.failed_starts});
+}
+
+void note_started() {
+  write({});
+}
+
+void record_fault(FaultReason reason, std::uint32_t detail, const ProcessorState& processor) {
+  write({.reason = reason,
+         .detail = detail,
+         .program_counter = processor.program_counter,
+         .cfsr = processor.cfsr,
+         .hfsr = processor.hfsr,
+         .bfar = processor.bfar});
+}
+
+void fail_to_start(const Register& waited_for) {
+  const std::uint32_t failed_starts = palpate_boot_report.fault.failed_starts + 1;
+  const auto address = reinterpret_cast<std::uintptr_t>(&waited_for);
+  write({.reason = FaultReason::not_ready,
+         .detail = static_cast<std::uint32_t>(address),
+         .failed_starts = failed_starts});
+  if (failed_starts < kMostFailedStarts) reset_processor();
+  for (;;) asm volatile("wfi");
+}
+
+}  // namespace palpate::stm32g4
