@@ -42,19 +42,23 @@ inline void disable_interrupt(std::uint32_t number) {
   asm volatile("dsb\n isb" ::: "memory");
 }
 
-// Keeps interrupts out while it lives. Background only.
+// Keeps an interrupt out while it lives, if it was on. Background only.
 class Masked {
  public:
-  explicit Masked(std::uint32_t number) : number_(number) { disable_interrupt(number_); }
+  explicit Masked(std::uint32_t number)
+      : number_(number), was_on_((NVIC[{nvic::ISER.bytes + 4 * (number / 32)}] >> (number % 32) & 1u) != 0) {
+    disable_interrupt(number_);
+  }
   ~Masked() {
     asm volatile("" ::: "memory");
-    enable_interrupt(number_);
+    if (was_on_) enable_interrupt(number_);
   }
   Masked(const Masked&) = delete;
   Masked& operator=(const Masked&) = delete;
 
  private:
   std::uint32_t number_;
+  bool was_on_;
 };
 
 [[noreturn]] inline void reset_processor() {

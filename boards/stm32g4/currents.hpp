@@ -50,7 +50,8 @@ class CurrentMonitors {
   static void start();
   // Interrupt context, once a tick.
   void isr_latch();
-  // Not a number where the monitors have been silent since the last tick: the supervisor switches off.
+  // Not a number where the monitors have been silent since the last tick, or have once lost a reading (then
+  // they stay so until the next start): the supervisor switches off.
   [[nodiscard]] const std::array<float, 3>& isr_currents_A() const { return current_A_; }
 
  private:

@@ -298,12 +298,14 @@ bool dcd_edpt_open(std::uint8_t, const tusb_desc_endpoint_t* endpoint) {
   const std::uint32_t number = endpoint->bEndpointAddress & kNumber;
   if (number >= kEndpoints || tu_edpt_packet_size(endpoint) > kPacket_bytes) return false;
   if (endpoint->bmAttributes.xfer == TUSB_XFER_ISOCHRONOUS) return false;
+  const Masked masked(interrupt::USB_LP);
   open_pipe(number, (endpoint->bEndpointAddress & kToHost) != 0,
             endpoint->bmAttributes.xfer == TUSB_XFER_BULK ? kBulk : kInterrupt);
   return true;
 }
 
 void dcd_edpt_close_all(std::uint8_t) {
+  const Masked masked(interrupt::USB_LP);
   close_pipes(1);
 }
 
@@ -311,8 +313,8 @@ bool dcd_edpt_xfer(std::uint8_t, std::uint8_t address, std::uint8_t* data, std::
   const std::uint32_t number = address & kNumber;
   const bool to_host = (address & kToHost) != 0;
   if (number >= kEndpoints) return false;
+  const Masked masked(interrupt::USB_LP);
   pipe_of(number, to_host) = {.data = data, .length = length};
-  asm volatile("" ::: "memory");  // before the controller may use it
   if (to_host) {
     send_packet(number);
   } else {
@@ -323,7 +325,9 @@ bool dcd_edpt_xfer(std::uint8_t, std::uint8_t address, std::uint8_t* data, std::
 
 void dcd_edpt_stall(std::uint8_t, std::uint8_t address) {
   const std::uint32_t number = address & kNumber;
-  if (number < kEndpoints) set_status(number, (address & kToHost) != 0, kStall);
+  if (number >= kEndpoints) return;
+  const Masked masked(interrupt::USB_LP);
+  set_status(number, (address & kToHost) != 0, kStall);
 }
 
 // Also of an endpoint that was not halted: what was queued is dropped, and the toggle starts again.
@@ -331,6 +335,7 @@ void dcd_edpt_clear_stall(std::uint8_t, std::uint8_t address) {
   const std::uint32_t number = address & kNumber;
   const bool to_host = (address & kToHost) != 0;
   if (number >= kEndpoints) return;
+  const Masked masked(interrupt::USB_LP);
   set_status(number, to_host, kNak);
   restart_toggle(number, to_host);
   pipe_of(number, to_host) = {};

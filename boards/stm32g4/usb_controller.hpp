@@ -9,8 +9,8 @@
 // for each endpoint and direction at a fixed place. RM0440, 45.5 and 45.6. Interrupt: USB_LP.
 //
 // A bit of an EPnR is changed by writing 1 (STAT, DTOG) or 0 (CTR), or holds what is written (type, address):
-// each function writes only what it means to change. Contexts: transfers are started in the background and
-// end in the interrupt; a pipe belongs to the interrupt from STAT = VALID until the transfer's end.
+// each function writes only what it means to change. Contexts: transfers are started in the background, with
+// the interrupt held back, and end in the interrupt.
 #pragma once
 
 namespace palpate::stm32g4 {
