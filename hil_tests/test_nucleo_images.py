@@ -47,6 +47,15 @@ def test_each_image_keeps_its_budgets(table: str, images: list) -> None:
             assert int(used.replace(",", "")) <= int(allowed.replace(",", "")) == budget
 
 
+def test_interrupts_of_one_priority_do_not_add_up(table: str) -> None:
+    """Each context that may interrupt the others brings a frame of 108 bytes; the two of the serial link are one."""
+    serial = table.split(".elf")[1]
+    depths = [int(depth.replace(",", "")) for depth in re.findall(r"^    \w+ +([\d,]+)$", serial, re.MULTILINE)]
+    assert len(depths) == 5 and "    or dma1_channel2_handler\n" in serial
+    deepest = int(re.search(r"deepest stack +([\d,]+)", serial)[1].replace(",", ""))
+    assert deepest == sum(depths) + 108 * (len(depths) - 1)
+
+
 def test_build_wants_a_board_that_it_knows() -> None:
     for arguments in ((), ("--board",), ("--board", "arduino"), (BOARD,)):
         done = build(*arguments)

@@ -166,7 +166,7 @@ Status Endpoint::send_info(const wire::Frame& frame) {
 }
 
 Status Endpoint::send_node_info(const wire::Frame& frame) {
-  // What runs in an emulator or as a process is software only.
+  // No hardware version: no board has one to tell.
   const wire::NodeInfo info{.hardware = {},
                             .software = wire::node_version(identity_.firmware),
                             .unique_id = identity_.unique_id,

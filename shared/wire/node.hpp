@@ -83,7 +83,7 @@ using UniqueId = std::array<std::uint8_t, 16>;
 inline constexpr std::string_view kNodeNamePrefix = "org.palpate.";
 inline constexpr std::size_t kMaxNodeName = 50;
 struct NodeInfo {
-  NodeVersion hardware;  // zero: software only
+  NodeVersion hardware;  // zero: not told
   NodeVersion software;
   UniqueId unique_id{};
   std::string_view board;  // the node's name is kNodeNamePrefix and this
