@@ -1,5 +1,7 @@
 """The closed loop over every medium that a scene can name, the firmware on its boards with the framing of each."""
 
+import json
+
 import numpy as np
 import pytest
 from loop_scene import STATUS_UNKNOWN, Run, command_line, run, scene
@@ -71,4 +73,8 @@ def test_the_command_line_chooses_the_medium_and_refuses_what_does_not_go(tmp_pa
     assert done.returncode == 0 and '"medium": "can"' in done.stdout, done.stderr
     faults = command_line(tmp_path, "run", text("uart", extra="[link.faults]\ndrop_up = [3]"), *brief)
     assert faults.returncode == 2
-    assert 'link.faults: given together with link.medium = "can"' in faults.stderr
+    assert 'link.faults.drop_up: given together with link.medium = "can"' in faults.stderr
+    lossy = '[[link.faults.random]]\nway = "up"\nkind = "drop"\nchance = 0.2\nto_s = 0.1'
+    taken = command_line(tmp_path, "run", text("uart", extra=lossy), *brief, out="lossy")
+    assert taken.returncode == 0, taken.stderr
+    assert json.loads(taken.stdout)["frames_lost"] > 0
