@@ -10,6 +10,7 @@ import re
 import select
 import struct
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ MPS2_IMAGE = BUILD_MPS2 / "boards/mps2_an386/palpate_mps2_an386.elf"
 NATIVE_USB_IMAGE = NATIVE_IMAGE.with_name("palpate_native_usb")
 MPS2_USB_IMAGE = MPS2_IMAGE.with_name("palpate_mps2_an386_usb.elf")
 BUILD_AN500 = REPOSITORY / os.environ.get("PALPATE_BUILD_AN500", "build/mps2_an500")
+BUILD_NUCLEO = REPOSITORY / os.environ.get("PALPATE_BUILD_NUCLEO", "build/nucleo_g474re")
+NUCLEO_IMAGE = BUILD_NUCLEO / "boards/nucleo_g474re/palpate_nucleo_g474re.elf"
 AN500_IMAGE = BUILD_AN500 / "boards/mps2_an500/palpate_mps2_an500.elf"
 
 # boards/lockstep/exchange.hpp
@@ -190,6 +193,7 @@ class Lockstep:
     process: subprocess.Popen
     actuator_fd: int
     sensor_fd: int
+    answer_ticks: int = 3
     reader: LinkReader = field(default_factory=LinkReader)
     next_tick: int = 0
     sent: bytearray = field(default_factory=bytearray)  # everything that the board wrote
@@ -242,10 +246,10 @@ class Lockstep:
         self.frames = [frame for frame in self.frames if frame.port != port]
         return taken
 
-    def answer(self, request: bytes, port: int, ticks: int = 3, **inputs) -> LinkFrame:
-        """Sends a request in one tick and returns the response, which comes within `ticks`."""
+    def answer(self, request: bytes, port: int, **inputs) -> LinkFrame:
+        """Sends a request in one tick and returns the response, which comes within answer_ticks."""
         self.tick(link=request, **inputs)
-        self.run(ticks - 1, **inputs)
+        self.run(self.answer_ticks - 1, **inputs)
         responses = [frame for frame in self.take(port) if frame.is_response]
         assert len(responses) == 1
         return responses[0]
@@ -274,6 +278,9 @@ def lockstep_command(board: str) -> list[str]:
     if board == "mps2_an500":
         return qemu_command("-serial", "file:console.txt", icount="shift=1,sleep=off", machine="mps2-an500",
                             image=AN500_IMAGE)
+    if board.startswith("nucleo"):
+        image = NUCLEO_IMAGE.with_stem(NUCLEO_IMAGE.stem + board.removeprefix("nucleo"))
+        return [sys.executable, "-m", "palpate.machine.lockstep", str(image), "act.fifo", "sen.fifo"]
     return qemu_command("-serial", "file:console.txt")
 
 
@@ -290,7 +297,8 @@ def _open_fifo(process: subprocess.Popen, path: pathlib.Path, flags: int) -> int
 
 @contextlib.contextmanager
 def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
-    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500"; "native_usb", "mps2_usb", "mps2_can_classic", "mps2_can_fd") in `folder`, which must not hold the files of another run."""
+    """Runs a board ("native", "mps2" for mps2_an386, or "mps2_an500"; "native_usb", "mps2_usb", "mps2_can_classic", "mps2_can_fd";
+    "nucleo", "nucleo_usb", ... for nucleo_g474re) in `folder`, which must not hold the files of another run."""
     folder.mkdir(exist_ok=True)
     for name in ("act.fifo", "sen.fifo"):
         os.mkfifo(folder / name)
@@ -301,7 +309,8 @@ def lockstep(board: str, folder: pathlib.Path) -> Iterator[Lockstep]:
             descriptors.append(_open_fifo(process, folder / name, flags))
             stack.callback(os.close, descriptors[-1])
             os.set_blocking(descriptors[-1], True)
-        yield Lockstep(process, *descriptors)
+        # Where the link is a line on which bytes take their time, an answer does.
+        yield Lockstep(process, *descriptors, answer_ticks=12 if board == "nucleo" else 3)
 
 
 @contextlib.contextmanager

@@ -1,5 +1,4 @@
-"""The images for the NUCLEO-G474RE: their budgets, and where they lie in the part. What they do is another matter: no test here
-runs them.
+"""The images for the NUCLEO-G474RE: their budgets, and where they lie in the part. What they do: test_nucleo.py.
 """
 
 import re

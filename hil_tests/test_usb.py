@@ -14,11 +14,16 @@ from usb_host import PACKET_BYTES, SERIAL_IN, SERIAL_OUT, Status, Transfer, UsbE
 sys.path.insert(0, str(REPOSITORY / "host/bench"))
 import usb_cost
 
+from palpate.machine.stm32g474 import UNIQUE_ID
+
 pytestmark = pytest.mark.skipif(
     not NATIVE_USB_IMAGE.exists() or not MPS2_USB_IMAGE.exists(),
     reason="firmware with USB is not built: the crate tinyusb-sys is missing, ./run unpacks it where there is cargo")
 BOOT_TICKS = 25  # a few more than the firmware's 20
-BOARDS = {"native_usb": "native", "mps2_usb": "mps2_an386"}
+BOARDS = {"native_usb": "native", "mps2_usb": "mps2_an386", "nucleo_usb": "nucleo_g474re"}
+# Numbers of the parts: an emulated board makes one of its name.
+UNIQUE_IDS = {name: name.encode().ljust(16, b"\0") for name in BOARDS.values()} | {
+    "nucleo_g474re": struct.pack("<3I", *UNIQUE_ID) + b"G474"}
 
 
 class Link:
@@ -82,7 +87,7 @@ def test_enumeration(host):
     configuration = host.descriptor(2)
     assert len(configuration) == struct.unpack_from("<H", configuration, 2)[0]
     texts = [host.descriptor(3, index)[2:].decode("utf-16-le") for index in device[14:17]]
-    assert texts == ["palpate", "palpate haptic board", host.name.encode().ljust(16, b"\0").hex()]
+    assert texts == ["palpate", "palpate haptic board", UNIQUE_IDS[host.name].hex()]
     store = host.descriptor(15)
     microsoft = host.control(0xC0, store[31], 0, 7, 4096)
     assert len(microsoft) == struct.unpack_from("<H", store, 29)[0] and b"WINUSB" in microsoft

@@ -379,7 +379,7 @@ class UsbHost:
 
 @contextlib.contextmanager
 def usb_board(board: str, folder: pathlib.Path) -> Iterator[UsbHost]:
-    """Runs a board with USB ("native_usb", "mps2_usb") up to where it has pulled the bus up."""
+    """Runs a board with USB ("native_usb", "mps2_usb", "nucleo_usb") up to where it has pulled the bus up."""
     with lockstep(board, folder) as one:
         host = UsbHost(one)
         for _ in range(10):

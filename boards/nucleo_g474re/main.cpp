@@ -1,4 +1,5 @@
 // The firmware on the NUCLEO-G474RE: interrupt handlers and main loop.
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -12,6 +13,16 @@
 #include "limits.hpp"
 #include "shared/wire/node.hpp"
 
+namespace palpate::board {
+
+// What the image is, for programs that have it as a file.
+struct ImageIdentity {
+  std::uint64_t schema_hash = 0;
+  std::array<char, 32> board{}, firmware{};
+};
+
+}  // namespace palpate::board
+
 namespace {
 
 using Board = palpate::board::NucleoG474re;
@@ -19,6 +30,12 @@ using App = palpate::firmware::App<Board>;
 
 constexpr std::string_view kBoardName = PALPATE_BOARD_NAME;
 static_assert(palpate::wire::is_node_name(kBoardName));
+
+consteval std::array<char, 32> filled(std::string_view text) {
+  std::array<char, 32> out{};
+  std::ranges::copy(text, out.begin());
+  return out;
+}
 
 // Set once before the interrupts come on.
 App* app = nullptr;
@@ -35,6 +52,10 @@ std::array<std::uint8_t, 16> unique_id() {
 }  // namespace
 
 extern "C" {
+
+extern const palpate::board::ImageIdentity palpate_image_identity;
+[[gnu::used, gnu::section(".identity")]] constinit const palpate::board::ImageIdentity palpate_image_identity{
+    palpate::wire::kSchemaHash, filled(kBoardName), filled(PALPATE_VERSION)};
 
 // What start_clock() found.
 [[gnu::used]] palpate::stm32g4::ClockSource palpate_clock_source;

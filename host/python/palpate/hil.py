@@ -6,6 +6,7 @@ here depends on how fast this machine is; the watchdog alone looks at the wall c
 
 import os
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -50,14 +51,15 @@ FRAMINGS = {"uart": SERIAL, "usb": SERIAL, "can": "can_classic", "canfd": "can_f
 class BoardType:
     """How a board is started. instructions_per_count: of the firmware's clock; None: it has no such clock.
     identify: how it is started to print what it is, on the first line of standard output. argument: one more of its command
-    line (boards/lockstep/start_times.hpp); empty: none."""
+    line (boards/lockstep/start_times.hpp); empty: none. environment: names and values that its process gets beside our own."""
 
     name: str
     image: Path
     command: Callable[..., list[str]]
-    instructions_per_count: int | None
+    instructions_per_count: float | None
     identify: Callable[[Path], list[str]]
     argument: str = ""
+    environment: tuple[tuple[str, str], ...] = ()
 
     def on(self, medium: str) -> "BoardType":
         """The same board with the firmware for a scene's `link.medium`."""
@@ -108,6 +110,11 @@ def _qemu_command(
     ]
 
 
+def _machine_command(image: Path, arguments: tuple[str, ...] = ()) -> list[str]:
+    """The part's processor and register models; without arguments: what the image is."""
+    return [sys.executable, "-m", "palpate.machine.lockstep", str(image), *arguments]
+
+
 def _native_command(image: Path, argument: str = "") -> list[str]:
     return [str(image), "--lockstep", "act.fifo", "sen.fifo", *([argument] if argument else [])]
 
@@ -135,6 +142,15 @@ BOARDS = {
     for board in (
         _mps2("mps2_an386", 3),
         _mps2("mps2_an500", 1),
+        BoardType(
+            "nucleo_g474re",
+            BUILD / "nucleo_g474re/boards/nucleo_g474re/palpate_nucleo_g474re.elf",
+            partial(_machine_command, arguments=("act.fifo", "sen.fifo")),
+            # It counts cycles, at most 1.8 an instruction (docs/decisions/cycles.md): palpate.machine takes them to be as many.
+            5 / 9,
+            _machine_command,
+            environment=(("PYTHONPATH", str(PACKAGE.parent)),),
+        ),
         BoardType("native", _native_image(), _native_command, None, lambda image: [str(image), "--version"]),
     )
 }
@@ -190,6 +206,7 @@ class Board:
                     stdout=output,
                     stderr=subprocess.STDOUT,
                     start_new_session=True,
+                    env={**os.environ, **dict(self._type.environment)},
                 )
         except OSError as error:
             for fd in (self.actuator_fd, self._keep_open_fd, self.sensor_fd):

@@ -59,9 +59,10 @@ class Scene:
         return _material(self.sections.body, self.sections.body)["damping_N_s_m"]
 
     def with_board(self, name: str) -> "Scene":
-        """The same scene on another board. Raises SceneError where "auto" finds nothing for that."""
-        board = replace(self.requested.board, name=name)
-        return _resolve(self.file, self.source, replace(self.requested, board=board), self.path)
+        """The same scene on another board. Raises SceneError for what that has not, or where "auto" finds nothing for it."""
+        requested = replace(self.requested, board=replace(self.requested.board, name=name))
+        check_scene(Reader(self.file), without_auto(requested))
+        return _resolve(self.file, self.source, requested, self.path)
 
     def judge(self, measured: Measured | None = None) -> Choice:
         """What the rule makes of the scene, and of its fixed values; measured: of a run, in place of the scene's link and latency.
@@ -249,9 +250,9 @@ def _checked(
     if path is not None:
         table["path"] = {"waypoints": [{"time_s": 0.0, "position_m": path.position_m[0].tolist()}]}
     requested = read_section(reader, "", SceneFile, table)
-    check_scene(reader, without_auto(requested))
     if board is not None:
         requested = replace(requested, board=replace(requested.board, name=board))
+    check_scene(reader, without_auto(requested))
     if path is None and requested.path is not None:
         path = _load_path(reader, requested.path)
     return _resolve(reader.file, text, requested, path, measured)

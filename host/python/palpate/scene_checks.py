@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import astuple, fields
 from itertools import product
 
 from palpate.scene_body import Body, MaterialRegion
@@ -26,6 +26,10 @@ MAX_FRICTIONS = 4
 MAX_MODES = 192  # of a local model on the board (shared/model/local_model.hpp)
 MAX_HYBRID_MODES = 96  # of one with as many nodes as it may have
 MAX_PATCH_NODES = 64
+# nucleo_g474re (CMakePresets.json, boards/stm32g4/lpuart_link.hpp).
+NUCLEO = "nucleo_g474re"
+NUCLEO_MAX_MODES = 96
+NUCLEO_BAUD = 921_600
 # 1.2 GB of positions and velocities in memory and in the record.
 MAX_EXPORTED_NODES = 25_000_000
 
@@ -52,6 +56,8 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
             "integrator.method", scene.integrator.method, '"semi_implicit" where body.drives is given'
         )
     _check_hand(reader, scene.hand)
+    if scene.board.name == NUCLEO:
+        _check_nucleo(reader, scene)
     _check_patch(reader, scene)
     if scene.link.trace == "tip" and scene.model.feedback == "paper":
         raise reader.error(
@@ -301,6 +307,13 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
     patch = scene.model.patch_nodes
     if math.prod(patch) > MAX_PATCH_NODES:
         raise reader.error("model.patch_nodes", list(patch), f"at most {MAX_PATCH_NODES} nodes in all")
+    max_modes = NUCLEO_MAX_MODES if scene.board.name == NUCLEO else MAX_MODES
+    if scene.model.builder in ("patch", "patch_rescaled") and 3 * math.prod(patch) > max_modes:
+        raise reader.error(
+            "model.patch_nodes",
+            list(patch),
+            f'at most {max_modes // 3} nodes in all where board.name = "{NUCLEO}", which has room for {max_modes} modes',
+        )
     if scene.model.builder != "patch" and scene.body.drives:
         raise reader.problem(
             "body.drives",
@@ -326,12 +339,12 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
                 f"so few that 3 modes for each of them and of the {face} nodes of a face of the patch, and 12 for each of "
                 f"model.middle_shifts_Hz, one at least, are at most {MAX_HYBRID_MODES}",
             )
-    elif 3 * face * len(shifts_Hz) + 12 * len(middle_Hz) > MAX_MODES:
+    elif 3 * face * len(shifts_Hz) + 12 * len(middle_Hz) > max_modes:
         raise reader.error(
             "model.shifts_Hz",
             list(shifts_Hz),
             f"so few that 3 modes for each of them and of the {face} nodes of a face of the patch, and 12 for each of "
-            f"model.middle_shifts_Hz, are at most {MAX_MODES}",
+            f"model.middle_shifts_Hz, are at most {max_modes}",
         )
 
 
@@ -395,6 +408,20 @@ def _check_fault_times(reader: Reader, faults: LinkFaults) -> None:
                 raise reader.error(
                     f"link.faults.{name}[{i}].to_s", span.to_s, f"greater than its from_s, {span.from_s:.12g} s"
                 )
+
+
+def _check_nucleo(reader: Reader, scene: SceneFile) -> None:
+    """What the image for a real part has not, or has once for all."""
+    if any(time_s is not None for time_s in astuple(scene.safety)):
+        raise reader.problem(
+            "safety", f"the image for board.name = \"{NUCLEO}\" has times of its own (boards/{NUCLEO}/limits.hpp); leave it out"
+        )
+    if scene.link.medium == "usb":
+        raise reader.error(
+            "link.medium", "usb", f'"uart", "can" or "canfd" where board.name = "{NUCLEO}": its USB has no host here'
+        )
+    if scene.link.medium == "uart" and scene.link.baud != NUCLEO_BAUD:
+        raise reader.error("link.baud", scene.link.baud, f'{NUCLEO_BAUD} where board.name = "{NUCLEO}"')
 
 
 def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:

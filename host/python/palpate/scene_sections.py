@@ -354,8 +354,8 @@ class Board:
     """Where the firmware runs."""
 
     name: str = key(
-        Choice(("mps2_an386", "mps2_an500", "native")),
-        "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `mps2_an500`: that for a Cortex-M7; `native`: the same firmware as a Linux process",
+        Choice(("mps2_an386", "mps2_an500", "native", "nucleo_g474re")),
+        "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `mps2_an500`: that for a Cortex-M7; `native`: the same firmware as a Linux process; `nucleo_g474re`: the image for that board, on models of its part",
         default="mps2_an386",
     )
     faults: BoardFaults = section(BoardFaults, "What goes wrong on the board, for tests.")

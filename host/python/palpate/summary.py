@@ -35,8 +35,8 @@ RUN_KEYS = (
         "worst_tick_instructions",
         "instructions",
         "longest servo tick, from interrupt entry to exit: its clock counts times the instructions per count "
-        "(5 on mps2_an386, 20 on mps2_an500: 125 and 500 million instructions per second against a clock of 25 MHz; they are "
-        "not the cycles of a real part); null on native",
+        "(5 on mps2_an386, 20 on mps2_an500: 125 and 500 million instructions per second against a clock of 25 MHz; 5/9 on "
+        "nucleo_g474re, of whose 170 MHz an instruction is taken to last 1.8 cycles); null on native",
     ),
     Key(
         "worst_busy_instructions",
@@ -305,7 +305,7 @@ def summarize_run(
     command: str,
     title: str,
     board: str,
-    instructions_per_count: int | None,
+    instructions_per_count: float | None,
     record_hash: str,
     wall_clock_s: Mapping[str, float],
     choice: Mapping[str, Any] | None = None,
@@ -320,7 +320,7 @@ def summarize_run(
     age = values["ticks/model_age_ticks"][values["ticks/model_sequence"] != 0]
 
     def worst_instructions(name: str) -> int | None:
-        return None if instructions_per_count is None else int(values[name].max()) * instructions_per_count
+        return None if instructions_per_count is None else round(int(values[name].max()) * instructions_per_count)
 
     summary: dict[str, Any] = {
         "command": command,

@@ -512,6 +512,23 @@ BAD = {
         GOOD + "[model]\npatch_nodes = [5, 5, 3]",
         "scene.toml: model.patch_nodes = [5, 5, 3]: must be at most 64 nodes in all",
     ),
+    "patch that the real part has no room for": (
+        GOOD + "[model]\npatch_nodes = [4, 4, 3]\n[link]\nmedium = 'canfd'\n[board]\nname = 'nucleo_g474re'",
+        "scene.toml: model.patch_nodes = [4, 4, 3]: must be at most 32 nodes in all where board.name = "
+        '"nucleo_g474re", which has room for 96 modes',
+    ),
+    "USB of the real part": (
+        GOOD + "[link]\nmedium = 'usb'\n[board]\nname = 'nucleo_g474re'",
+        'scene.toml: link.medium = "usb": must be "uart", "can" or "canfd" where board.name = "nucleo_g474re": its USB has no host here',
+    ),
+    "baud rate of the real part": (
+        GOOD + "[link]\nbaud = 3_000_000\n[board]\nname = 'nucleo_g474re'",
+        'scene.toml: link.baud = 3000000: must be 921600 where board.name = "nucleo_g474re"',
+    ),
+    "times of the real part": (
+        GOOD + "[link]\nmedium = 'can'\n[safety]\nfade_s = 0.1\n[board]\nname = 'nucleo_g474re'",
+        'scene.toml: safety: the image for board.name = "nucleo_g474re" has times of its own (boards/nucleo_g474re/limits.hpp); leave it out',
+    ),
     "krylov without frequencies": (
         GOOD + "[model]\nbuilder = 'krylov'\nshifts_Hz = []",
         "scene.toml: model.shifts_Hz = []: must be at least one frequency",

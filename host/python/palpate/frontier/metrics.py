@@ -83,13 +83,13 @@ def _spread(values: NDArray[Any] | list[int]) -> dict[str, float] | None:
     return {"median": float(np.median(values)), "worst": float(np.max(values))} if len(values) else None
 
 
-def _instructions(counts: NDArray[Any], per_count: int | None) -> dict[str, int] | None:
+def _instructions(counts: NDArray[Any], per_count: float | None) -> dict[str, int] | None:
     if per_count is None or len(counts) == 0:
         return None
-    return {"p99": int(np.percentile(counts, 99.0)) * per_count, "worst": int(counts.max()) * per_count}
+    return {"p99": round(int(np.percentile(counts, 99.0)) * per_count), "worst": round(int(counts.max()) * per_count)}
 
 
-def measure(record: Record, reference: Record, instructions_per_count: int | None) -> dict[str, Any]:
+def measure(record: Record, reference: Record, instructions_per_count: float | None) -> dict[str, Any]:
     """The numbers of METRICS. record: of a run; reference: `reference/force_N`, `reference/contact_mode` of the same ticks;
     instructions_per_count: of the board's clock, None where it has none."""
     force_N, reference_N = record["ticks/force_N"], reference["reference/force_N"]

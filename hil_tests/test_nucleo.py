@@ -1,0 +1,254 @@
+"""The image for the NUCLEO-G474RE, as it is flashed, on register models of the part (palpate.machine): from power on to a running servo,
+and what happens when clock, tick, power or flash fail. Nothing here has run on silicon."""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from board_peer import NUCLEO_IMAGE, REPOSITORY
+from test_board_lockstep import scripted_run
+
+pytest.importorskip("unicorn", reason="Unicorn is not installed: ./run does it")
+pytestmark = pytest.mark.skipif(not NUCLEO_IMAGE.exists(), reason="the image for nucleo_g474re is not built: ./run does it")
+
+from palpate.machine.clock import BROWN_OUT_RESET, PIN_RESET, SOFTWARE_RESET, WATCHDOG_RESET
+from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
+from palpate.machine.stm32g474 import CLOCK_Hz, Image
+
+SECOND = CLOCK_Hz
+# A step of the DAC is 16 A / 4096.
+SETPOINT_STEP_A = 16.0 / 4096
+FAULT_CLOCK_LOST, FAULT_PROCESSOR, FAULT_BACKGROUND_STUCK = 3, 1, 5
+
+
+@pytest.fixture(scope="module")
+def image() -> Image:
+    return Image.read(NUCLEO_IMAGE)
+
+
+@pytest.fixture
+def board(image) -> Nucleo:
+    return Nucleo(image)
+
+
+def word(board: Nucleo, symbol: str, index: int = 0) -> int:
+    return int.from_bytes(board.chip.core.load(board.chip.image.symbols[symbol] + 4 * index, 4), "little")
+
+
+def ticks(board: Nucleo) -> int:
+    return word(board, "palpate_last_tick_report")
+
+
+def run_ticks(board: Nucleo, count: int) -> None:
+    for _ in range(count):
+        assert board.run_to_tick(2 * TICK_CYCLES)
+        assert board.run_tick()
+
+
+def start(board: Nucleo, count: int = 5) -> None:
+    assert board.run_to_tick(SECOND)
+    assert board.run_tick()
+    run_ticks(board, count - 1)
+
+
+def reset_flags(board: Nucleo) -> int:
+    return word(board, "palpate_boot_report")
+
+
+def test_starts_at_170_MHz_from_the_crystal(board):
+    start(board)
+    assert board.chip.rcc.system_Hz == 170_000_000
+    assert board.chip.rcc.value["PLLCFGR"] & 3 == 3
+    assert board.chip.resets == 0 and ticks(board) == 4
+    assert reset_flags(board) & (BROWN_OUT_RESET | PIN_RESET) == BROWN_OUT_RESET | PIN_RESET
+
+
+def test_starts_without_a_crystal(board):
+    board.chip.rcc.has_crystal = False
+    start(board)
+    assert board.chip.rcc.system_Hz == 170_000_000
+    assert board.chip.rcc.value["PLLCFGR"] & 3 == 2
+
+
+def test_ticks_come_each_millisecond(board):
+    start(board)
+    begin = board.chip.cycle
+    run_ticks(board, 100)
+    assert abs(board.chip.cycle - begin - 100 * TICK_CYCLES) < TICK_CYCLES // 2
+    assert ticks(board) == 104
+
+
+def test_setpoints_are_at_mid_scale_and_the_amplifiers_off_until_somebody_arms(board):
+    seen = set()
+
+    def look() -> None:
+        codes = (board.chip.dac["DAC1"].code(1), board.chip.dac["DAC1"].code(2), board.chip.dac["DAC2"].code(1))
+        seen.add((board.amplifiers_on, codes))
+
+    for source in (*board.chip.dac.values(), board.chip.gpio["B"]):
+        source.changed = look
+    start(board, 50)
+    assert seen and not any(on for on, _ in seen)
+    # A channel that comes on does so at mid-scale.
+    assert {code for _, codes in seen for code in codes} == {None, 2048}
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_encoders_count_beyond_16_bits_both_ways(board, joint):
+    start(board)
+    tip = []
+    for count in (*range(0, 90_000, 30_000), *range(90_000, -90_000, -30_000), *range(-90_000, 1, 30_000)):
+        counts = [0, 0, 0]
+        counts[joint] = count
+        board.set_encoders(counts)
+        run_ticks(board, 1)
+        tip.append(board.chip.core.load(board.chip.image.symbols["palpate_last_tick_report"] + 8, 12))
+    # Back where it was, the tip is, too: no wrap was lost.
+    assert tip[-1] == tip[0] != tip[1]
+
+
+def test_the_watchdog_bites_when_the_tick_stops(board):
+    start(board)
+    board.chip.timer["TIM7"].write_CR1(0)
+    begin = board.chip.cycle
+    assert not board.run_to_tick(SECOND // 2) or board.chip.resets
+    assert board.chip.resets == 1
+    timeout = board.chip.cycle_of_reset - begin
+    assert timeout <= board_timeout_cycles()
+    assert not board.amplifiers_on
+    start(board)
+    assert reset_flags(board) & WATCHDOG_RESET
+
+
+def board_timeout_cycles() -> int:
+    """50 ms: boards/stm32g4/watchdog.hpp has less, of a clock that is 5 % slow."""
+    return CLOCK_Hz // 20
+
+
+def test_a_processor_fault_resets_and_leaves_a_record(board):
+    start(board)
+    board.chip.core.crash()
+    assert board.run_to_tick(SECOND)
+    while not board.chip.resets:
+        board.run_tick()
+        assert board.run_to_tick(SECOND)
+    assert board.chip.resets == 1
+    start(board)
+    assert reset_flags(board) & SOFTWARE_RESET
+    assert word(board, "palpate_boot_report", 2) == FAULT_PROCESSOR
+
+
+class Calibration:
+    """The request that a debugger makes (boards/nucleo_g474re/calibration.hpp)."""
+
+    STORE, REFUSED = 0x524F5453, 100
+    NOMINAL = (2048.0,) * 3 + (256.0,) * 3 + (2048.0,) * 3 + (24.0 / 4096,) * 3
+
+    @staticmethod
+    def store(board: Nucleo, values: tuple[float, ...], until: Callable[[], bool] = lambda: False) -> int | None:
+        """The result; None: it was not reached."""
+        at = board.chip.image.symbols["palpate_calibration_request"]
+        board.chip.core.store(at + 8, struct.pack("<12f", *values))
+        board.chip.core.store(at, struct.pack("<I", Calibration.STORE))
+        resets = board.chip.resets
+        for _ in range(100):
+            if not board.run_to_tick(SECOND) or board.chip.resets != resets:
+                return None
+            board.run_tick()
+            if word(board, "palpate_calibration_request") == 0:
+                return word(board, "palpate_calibration_request", 1)
+        raise TimeoutError("the request is not answered")
+
+
+def offset(value: float) -> tuple[float, ...]:
+    return (value, *Calibration.NOMINAL[1:])
+
+
+@pytest.mark.parametrize("unreadable", [False, True])
+def test_power_lost_at_any_step_of_storing_leaves_the_old_or_the_new(board, unreadable):
+    """Each step in which the flash changes, in turn: what was being written is half done, or can't be read."""
+    flash = board.chip.flash
+    flash.erase_cycles = 20_000  # the firmware asks all the while, each time through Python
+    flash.fails_unreadable = unreadable
+    start(board)
+    assert Calibration.store(board, offset(2050.0)) == 0
+    before = flash.steps
+    assert Calibration.store(board, offset(2051.0)) == 0
+    steps = flash.steps - before
+    assert steps > 8  # a page and its double words
+    for step in range(1, steps + 1):
+        flash.power_fails_at = flash.steps + step
+        assert Calibration.store(board, offset(2060.0)) is None
+        flash.power_fails_at = None
+        board.chip.power_cycle()
+        start(board)
+        assert stored_offset(board) == 2050.0 + step, step
+        # And it can be stored again.
+        assert Calibration.store(board, offset(2051.0 + step)) == 0
+
+
+def stored_offset(board: Nucleo) -> float:
+    """Of the first set-point, in the newest whole record: read as boards/stm32g4/parameter_store.hpp lays it down."""
+    newest = None
+    for slot in range(2):
+        at = 0x7F000 + 2048 * slot
+        data = bytes(board.chip.flash_memory[at : at + 2048])
+        magic, length, sequence, inverse = struct.unpack_from("<4I", data)
+        if magic != 0x31504C50 or length != 48 or sequence != inverse ^ 0xFFFFFFFF:
+            continue
+        crc, complement = struct.unpack_from("<2I", data, 16 + length)
+        if crc == complement ^ 0xFFFFFFFF and (newest is None or sequence > newest[0]):
+            newest = sequence, struct.unpack_from("<f", data, 16)[0]
+    return float("nan") if newest is None else newest[1]
+
+
+def test_a_calibration_that_no_amplifier_has_is_refused(board):
+    start(board)
+    assert Calibration.store(board, offset(3000.0)) == Calibration.REFUSED
+    assert Calibration.store(board, offset(float("nan"))) == Calibration.REFUSED
+
+
+# In place of many boards that start: one run of each, in which a model is taken over and pressed into (test_board_lockstep.py).
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory) -> dict:
+    return {name: scripted_run(name, tmp_path_factory.mktemp(name) / "run") for name in ("mps2", "nucleo")}
+
+
+def test_forces_are_those_of_the_board_in_qemu_to_the_bit(runs):
+    """Each is given the same counts; over its slower line the model comes later, and is rolled forward to the same state."""
+    frames = [run[-501:-1] for run in runs.values()]  # from where both are armed to the end
+    together = (frames[0]["model_sequence"] == 9) & (frames[1]["model_sequence"] == 9)
+    assert together.sum() > 400 and np.abs(frames[0]["force_N"][together]).max() > 0.5
+    for name in ("tip_m", "force_N", "contact_mode", "triangle", "normal", "mode", "faults"):
+        np.testing.assert_array_equal(frames[0][name][together], frames[1][name][together], err_msg=name)
+
+
+def test_setpoints_are_those_of_the_board_in_qemu_but_for_the_converters_steps(runs):
+    frames = [run[-501:-1] for run in runs.values()]
+    together = (frames[0]["model_sequence"] == 9) & (frames[1]["model_sequence"] == 9)
+    error_A = np.abs(frames[0]["setpoint_A"] - frames[1]["setpoint_A"])[together]
+    assert error_A.max() <= 0.5 * SETPOINT_STEP_A * (1 + 1e-5)  # float32
+    assert np.abs(frames[0]["setpoint_A"]).max() > 100 * SETPOINT_STEP_A
+
+
+def test_a_scene_over_can_fd(tmp_path):
+    """A press that sticks: 30 models a second through the model of the FDCAN, against the full body."""
+    out = tmp_path / "out"
+    done = subprocess.run(
+        [sys.executable, "-m", "palpate", "run", "scenes/stick.toml", "--board", "nucleo_g474re", "--medium", "canfd",
+         "--set", "model.builder=hybrid", "--set", "duration_s=0.8", "--json", "--out", str(out)],
+        cwd=REPOSITORY, env={**os.environ, "PYTHONPATH": str(REPOSITORY / "host/python")}, capture_output=True, text=True,
+        check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["missed_deadlines"] == 0 and summary["frames_lost"] == 0
+    assert summary["models_refused"] == 0 and summary["model_updates"] >= 15
+    assert summary["peak_force_N"] > 1.0
+    assert summary["rms_force_error_percent"] < 1.0  # 0.5 of mps2_an386 (docs/links.md)
+    # The servo tick's bound (docs/decisions/cycles.md).
+    assert summary["worst_tick_instructions"] * 1.8 < 110_000
