@@ -1,6 +1,7 @@
 #include <nanobind/stl/string.h>
 
 #include "firmware/core/renderer.hpp"
+#include "host/link/known_boards.hpp"
 #include "host/python/bindings/experiments.hpp"
 #include "host/python/bindings/moving_body.hpp"
 #include "shared/model/local_model.hpp"
@@ -10,6 +11,10 @@ NB_MODULE(_core, module) {
   using namespace nanobind::literals;
   module.doc() = "The C++ core of palpate; see _core.pyi.";
   module.attr("SCHEMA_HASH") = palpate::wire::kSchemaHash;
+  nanobind::list known_boards;
+  for (const std::string_view name : palpate::link::known_boards())
+    known_boards.append(nanobind::str(name.data(), name.size()));
+  module.attr("KNOWN_BOARDS") = nanobind::tuple(known_boards);
   module.attr("MAX_MODES") = palpate::kMaxModes;
   module.attr("MAX_HYBRID_MODES") = palpate::kMaxBasis / (3 * palpate::kMaxSurfaceNodes);
   module.attr("RENDERER_BYTES") = sizeof(palpate::firmware::Renderer);

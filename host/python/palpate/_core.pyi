@@ -15,6 +15,8 @@ Progress = Callable[[int, int], bool]
 
 # Of the message definitions that the extension was built with (docs/protocol.md, "Schema hash").
 SCHEMA_HASH: int
+# Those that hosts arm: the folders of boards/ that have limits of their own.
+KNOWN_BOARDS: tuple[str, ...]
 # The most modes that a local model on the board may have.
 MAX_MODES: int
 # Of one with as many nodes as it may have.

@@ -119,9 +119,13 @@ class BoardLink:
         )
 
     def arm(self, patience_s: float = 0.0) -> None:
-        """Switches the outputs on, in the two steps of docs/protocol.md. Raises BoardLinkError with the board's status where
+        """Switches the outputs on, in the two steps of docs/protocol.md. Raises BoardLinkError where the board is none of the
+        project's (boards/), whose limits nobody here has checked, or has other message definitions; and with the board's status where
         it refuses: it is not idle, a fault is there, the tip is outside of its workspace or too fast, or it has just missed
         deadlines, as a board that is a process on a busy computer does. While it is idle it is asked again for patience_s."""
+        name = self.info().board
+        if name not in _core.KNOWN_BOARDS:
+            raise BoardLinkError(f"{self.name}: board {name!r} is not armed: must be one of {', '.join(_core.KNOWN_BOARDS)}")
         deadline_s = time.monotonic() + patience_s
         self._armed = True  # from here on leave it disarmed, whatever happens
         while True:

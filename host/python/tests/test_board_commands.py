@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from palpate import BoardLink, BoardLinkError, board_link
+from palpate import BoardLink, BoardLinkError, _core, board_link
 
 ARM_REQUEST, ARM_CONFIRM, DISARM = 1, 2, 3
 TOKEN = 0x1234
@@ -12,6 +12,8 @@ TOKEN = 0x1234
 
 class MadeUpBoard:
     """Stands for the endpoint: answers every command with the next of `answers` (status), and says its status after."""
+
+    name, schema_hash = "native", _core.SCHEMA_HASH
 
     def __init__(self, answers: list[int], mode: int = 1) -> None:
         self.answers, self.mode, self.asked = answers, mode, list[tuple[int, int]]()
@@ -26,6 +28,9 @@ class MadeUpBoard:
         return b"frame", len(self.asked)
 
     def get_info(self) -> tuple[bytes, int]:
+        numbers = dict.fromkeys(("max_modes", "max_nodes", "basis_slots", "tick_rate_Hz", "tip_history_ticks"), 0)
+        self._said = [{"message": "GetInfo", "transfer_id": 0, "board": self.name, "firmware": "0.1.0",
+                       "schema_hash": self.schema_hash, **numbers}]  # fmt: skip
         return b"frame", 0
 
     def status(self) -> dict[str, Any]:
@@ -92,3 +97,21 @@ def test_a_block_without_arming_sends_nothing(monkeypatch: pytest.MonkeyPatch) -
     with connected(monkeypatch, board) as link:
         assert (link.state().mode, link.state().tip_m) == ("idle", None)
     assert board.asked == []
+
+
+def test_an_unknown_board_is_not_armed(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([])
+    board.name = "strangers_board"
+    with connected(monkeypatch, board) as link:
+        with pytest.raises(BoardLinkError, match="board 'strangers_board' is not armed: must be one of .*native"):
+            link.arm()
+    assert not board.asked
+
+
+def test_a_board_of_other_messages_is_not_armed(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = MadeUpBoard([])
+    board.schema_hash = _core.SCHEMA_HASH ^ 1
+    with connected(monkeypatch, board) as link:
+        with pytest.raises(BoardLinkError, match="message schema .* must be the host's"):
+            link.arm()
+    assert not board.asked
