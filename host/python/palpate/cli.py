@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | fuzz | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | fuzz | flash | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -252,6 +252,10 @@ def build_parser() -> argparse.ArgumentParser:
     add_out(bench, "out/frontier, out/links or out/faults")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
+    flash = add("flash", "put the image of a board into its part, by OpenOCD, st-flash or DFU; untried on silicon")
+    flash.add_argument("--board", choices=("nucleo_g474re",), required=True, help="whose image")
+    flash.add_argument("--medium", choices=("uart", "usb", "can", "canfd"), default="uart", help="the image for this link (default: uart, the ST-LINK's port)")
+    flash.add_argument("--by", choices=("openocd", "st-flash", "dfu-util"), help="the program for it (default: the first of these that is there)")
     add("doctor", "say whether all that palpate needs is there, and what to do where it is not")
     completion = add("completion", "print a script that completes commands, options and files in a shell")
     completion.add_argument("shell", choices=("bash", "zsh"), help="for which shell")
@@ -669,6 +673,24 @@ def _fuzz(arguments: argparse.Namespace) -> int:
     return OK if all(outcome.finding is None for outcome in outcomes) else FAILED
 
 
+def _flash(arguments: argparse.Namespace) -> int:
+    if SOURCE is None:
+        raise SceneError("palpate flash: only in the source tree, where the images are built: ./run flash")
+    from palpate.flash import flash
+
+    done = flash(arguments.medium, arguments.by)
+    if arguments.json:
+        numbers = {name: getattr(done, name) for name in ("board", "identity", "image_bytes", "tool", "succeeded")}
+        print(json.dumps({**numbers, "image": str(done.image)}))
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    if not done.succeeded:
+        _tell(f"palpate flash: {done.tool} has failed; it said:\n{done.said.rstrip()}", "red")
+        return FAILED
+    print(f"{done.identity}: {done.image_bytes:,} bytes, by {done.tool}", file=table)
+    print("amplifiers stay without power until the checklist is done: docs/hardware.md", file=table)
+    return OK
+
+
 def _doctor(arguments: argparse.Namespace) -> int:
     from palpate import doctor
 
@@ -713,6 +735,7 @@ def main(argv: Sequence[str]) -> int:
             "gui": _gui,
             "device": _device,
             "choose": _choose,
+            "flash": _flash,
             "doctor": _doctor,
             "completion": _completion,
         }

@@ -64,6 +64,7 @@ TOOLS = (
     Tool("g++", "g++", "building the host", True),
     Tool("arm-none-eabi-g++", "gcc-arm-none-eabi", "building the firmware", True),
     Tool("qemu-system-arm", "qemu-system-arm", "the boards mps2_an386 and mps2_an500", True),
+    Tool("openocd", "openocd", "only ./run flash", False),
     Tool("clang-format", "clang-format", "only ./run test", False),
     Tool("ccache", "ccache", "only faster building", False),
 )

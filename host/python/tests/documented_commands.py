@@ -77,6 +77,9 @@ RUN = {
 
 # command -> the test that runs it, or the part of it that costs.
 TESTED = {
+    "./run flash --board nucleo_g474re": "host/python/tests/test_flash.py::test_openocd_programs_verifies_and_starts_the_image",
+    "./run flash --board nucleo_g474re --medium usb --by dfu-util": "host/python/tests/test_flash.py::test_others_get_the_image_as_it_lies_in_flash",
+    "./run run scenes/stick.toml --board nucleo_g474re --medium canfd --set model.builder=hybrid": "hil_tests/test_nucleo.py::test_a_scene_over_can_fd",
     "./run build --board nucleo_g474re": "hil_tests/test_nucleo_images.py::test_each_image_keeps_its_budgets",
     "./run demo": "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards",
     "./run demo --board native --out out/native": (
@@ -202,6 +205,7 @@ NOT_RUN = {
     "palpate record 1": "no command: the name of a format",
     "./run bench faults": _TOO_LONG,
     "./run bench faults --medium canfd": _TOO_LONG,
+    "./run bench faults --medium can": _TOO_LONG,
     "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
     "build/host/host/bench/model_builders": _TOO_LONG,
     "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,
