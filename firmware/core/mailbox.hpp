@@ -53,8 +53,14 @@ struct DeviceSample {
 
 struct Mailbox {
   SpscRing<CommandRequest, 4> commands;  // background to interrupt, which runs one a tick
-  SpscRing<CommandReply, 8> replies;     // interrupt to background
-  SpscRing<StatusSnapshot, 8> status;    // interrupt to background
+  // STOP and DISARM so far, which pass by that ring: whoever fills it cannot hold them up. Written by the
+  // background; then by the interrupt, how many of both it has obeyed, and its mode after that.
+  std::atomic<std::uint32_t> stops{0};
+  std::atomic<std::uint32_t> disarms{0};
+  std::atomic<std::uint32_t> urgent_done{0};
+  std::atomic<Mode> urgent_mode{Mode::boot};
+  SpscRing<CommandReply, 8> replies;   // interrupt to background
+  SpscRing<StatusSnapshot, 8> status;  // interrupt to background
   SpscRing<Vec3f, 4>
       direct_forces;  // background to interrupt, which takes the newest: as palpate.DirectForce
   SpscRing<DeviceSample, 2> device;        // interrupt to background, while it is wanted

@@ -98,6 +98,20 @@ void Servo::take_direct_forces(std::uint32_t elapsed_ticks) {
   }
 }
 
+bool Servo::take_command(CommandRequest& request) {
+  const std::uint32_t stops = mailbox_.stops.load(std::memory_order_relaxed);
+  const std::uint32_t disarms = mailbox_.disarms.load(std::memory_order_relaxed);
+  const bool stop = stops != stops_;
+  if (!stop && disarms == disarms_) return mailbox_.commands.pop(request);
+  stops_ = stops;
+  disarms_ = disarms;
+  for (CommandRequest late; mailbox_.commands.pop(late);)
+    (void)mailbox_.replies.push(
+        {{late.command.action, Status::command_refused, 0}, state_.mode, late.requester});
+  request.command = {stop ? Action::stop : Action::disarm, 0};
+  return false;
+}
+
 void Servo::listen_to_host(std::uint32_t elapsed_ticks) {
   const std::uint32_t frames = mailbox_.host_frames.load(std::memory_order_relaxed);
   const std::uint32_t age = link_age_ticks_ + elapsed_ticks;
@@ -136,8 +150,8 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   listen_to_host(timing.elapsed_ticks);
   SupervisorInputs in = gather(timing, sensors, pose, output.sample);
   CommandRequest request;
-  const bool commanded = mailbox_.commands.pop(request);
-  if (commanded) in.command = request.command;
+  const bool commanded = take_command(request);
+  in.command = request.command;
 
   Decision decision = supervise(state_, in, limits_, challenge_seed_);
   if (decision.outputs_on) {
@@ -165,6 +179,8 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
     // Never full: it holds twice as many as can be under way.
     (void)mailbox_.replies.push({decision.outcome, decision.state.mode, request.requester});
   }
+  mailbox_.urgent_mode.store(decision.state.mode, std::memory_order_relaxed);
+  mailbox_.urgent_done.store(stops_ + disarms_, std::memory_order_release);
   post(timing, decision);
   record_flags(timing, decision);
   state_ = decision.state;

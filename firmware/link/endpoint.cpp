@@ -51,6 +51,7 @@ bool is_for_the_host_that_armed(std::uint16_t specifier) {
 }  // namespace
 
 void Endpoint::run() {
+  send_urgent_replies();  // to those before the ones that come now
   receive();
   send_time();
   ModelReport report;
@@ -139,9 +140,23 @@ void Endpoint::dispatch(const wire::Frame& frame) {
 Status Endpoint::take_command(const wire::Frame& frame) {
   palpate_Command_Request_1_0 request;
   if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
-  const CommandRequest command{{static_cast<Action>(request.action), request._token},
-                               {frame.header.source, frame.header.transfer_id}};
-  return mailbox_.commands.push(command) ? Status::ok : Status::command_refused;
+  const auto action = static_cast<Action>(request.action);
+  const Requester requester{frame.header.source, frame.header.transfer_id};
+  if (action == Action::stop || action == Action::disarm) {
+    take_urgent(action, requester);
+    return Status::ok;
+  }
+  return mailbox_.commands.push({{action, request._token}, requester}) ? Status::ok : Status::command_refused;
+}
+
+void Endpoint::take_urgent(Action action, const Requester& requester) {
+  std::atomic<std::uint32_t>& asked = action == Action::stop ? mailbox_.stops : mailbox_.disarms;
+  asked.store(asked.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+  if (urgent_count_ < urgent_.size()) {
+    urgent_[urgent_count_++] = requester;
+  } else {
+    ++counters_.frames_unsent;
+  }
 }
 
 Status Endpoint::send_info(const wire::Frame& frame) {
@@ -257,6 +272,18 @@ void Endpoint::send_replies() {
     message._token = reply.outcome.token;
     (void)send(message, response<palpate_Command_Response_1_0>(reply.requester));
   }
+}
+
+void Endpoint::send_urgent_replies() {
+  const std::uint32_t asked =
+      mailbox_.stops.load(std::memory_order_relaxed) + mailbox_.disarms.load(std::memory_order_relaxed);
+  if (urgent_count_ == 0 || mailbox_.urgent_done.load(std::memory_order_acquire) != asked) return;
+  palpate_Command_Response_1_0 message{};
+  message.status = static_cast<std::uint8_t>(Status::ok);
+  message.mode = static_cast<std::uint8_t>(mailbox_.urgent_mode.load(std::memory_order_relaxed));
+  for (std::size_t i = 0; i < urgent_count_; ++i)
+    (void)send(message, response<palpate_Command_Response_1_0>(urgent_[i]));
+  urgent_count_ = 0;
 }
 
 void Endpoint::send_status() {

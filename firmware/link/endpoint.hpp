@@ -29,6 +29,9 @@ inline constexpr std::uint32_t kResendReserve = 1024;
 // Trace requests that may wait for their turn.
 inline constexpr std::size_t kPendingTraceRequests = 4;
 
+// STOP and DISARM that may wait for their response; one more is obeyed, and not answered.
+inline constexpr std::size_t kPendingUrgent = 4;
+
 // Background context throughout; one owner.
 class Endpoint {
  public:
@@ -60,6 +63,7 @@ class Endpoint {
   void receive();
   void dispatch(const wire::Frame& frame);
   Status take_command(const wire::Frame& frame);
+  void take_urgent(Action action, const Requester& requester);
   Status send_info(const wire::Frame& frame);
   Status send_node_info(const wire::Frame& frame);
   Status take_trace_request(const wire::Frame& frame);
@@ -68,6 +72,7 @@ class Endpoint {
   void note(const BasisStore::Event& event);
   void send_model_reports();
   void send_replies();
+  void send_urgent_replies();
   void send_status();
   void send_heartbeat();
   // While another node's heartbeat is heard, which every Cyphal node has: for its clock.
@@ -125,6 +130,8 @@ class Endpoint {
   };
   std::array<TickRange, kPendingTraceRequests> requests_{};
   std::size_t request_count_ = 0;
+  std::array<Requester, kPendingUrgent> urgent_{};
+  std::size_t urgent_count_ = 0;
   // Of the newest status.
   Mode mode_ = Mode::boot;
   FaultSet faults_ = 0;

@@ -157,6 +157,61 @@ TEST_F(EndpointTest, MoreCommandsThanItCanHoldAreRefusedAndCounted) {
   EXPECT_EQ(status().frames_refused, 2u);
 }
 
+// Another program's commands fill the ring in each tick ahead of the host's.
+TEST_F(EndpointTest, AFloodOfCommandsHoldsUpNeitherStopNorDisarm) {
+  constexpr std::uint16_t kOther = 11;
+  struct Case {
+    std::uint8_t action, mode;
+  };
+  for (const Case& one : {Case{palpate_Command_Request_1_0_STOP, palpate_BoardStatus_1_0_MODE_FAULT},
+                          Case{palpate_Command_Request_1_0_DISARM, palpate_BoardStatus_1_0_MODE_IDLE}}) {
+    ticks(limits_.boot_ticks);
+    command(palpate_Command_Request_1_0_CLEAR_FAULT);
+    const auto challenge = command(palpate_Command_Request_1_0_ARM_REQUEST);
+    ASSERT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token).mode,
+              palpate_BoardStatus_1_0_MODE_RENDER);
+    for (int flood_tick = 0; flood_tick <= 20; ++flood_tick) {
+      ASSERT_TRUE(mailbox_.is_armed);
+      // They would clear the fault again, if they were obeyed after the STOP.
+      palpate_Command_Request_1_0 flood{};
+      flood.action = palpate_Command_Request_1_0_CLEAR_FAULT;
+      host_.node = kOther;
+      for (int i = 0; i < 6; ++i) host_.send(flood);
+      host_.node = wire::kHostNode;
+      if (flood_tick < 20) ticks(1);
+    }
+    host_.take<palpate_Command_Response_1_0>();
+    const std::uint64_t transfer_id = host_.transfer_id;
+    host_.send(palpate_Command_Request_1_0{.action = one.action, ._token = 0});
+    ticks(2);
+    EXPECT_FALSE(mailbox_.is_armed);
+    const auto response = std::find_if(host_.received.begin(), host_.received.end(), [&](const auto& reply) {
+      return reply.header.specifier == wire::response_specifier(wire::kCommandService) &&
+             reply.header.transfer_id == transfer_id;
+    });
+    ASSERT_NE(response, host_.received.end());
+    EXPECT_EQ(response->header.destination, wire::kHostNode);
+    EXPECT_EQ(response->payload[0], static_cast<std::uint8_t>(Status::ok));
+    EXPECT_EQ(response->payload[1], one.mode);
+    ticks(10);
+    EXPECT_EQ(status().mode, one.mode);
+    host_.take<palpate_Command_Response_1_0>();
+  }
+}
+
+TEST_F(EndpointTest, EveryStopIsObeyedAndAsManyAreAnsweredAsThereIsRoomFor) {
+  ticks(limits_.boot_ticks);
+  palpate_Command_Request_1_0 stop{};
+  stop.action = palpate_Command_Request_1_0_STOP;
+  for (std::size_t i = 0; i < kPendingUrgent + 2; ++i) host_.send(stop);
+  ticks(3);
+  EXPECT_EQ(host_.take<palpate_Command_Response_1_0>().size(), kPendingUrgent);
+  const auto after = status();
+  EXPECT_EQ(after.mode, palpate_BoardStatus_1_0_MODE_FAULT);
+  EXPECT_EQ(after.frames_unsent, 2u);
+  EXPECT_EQ(after.frames_refused, 0u);
+}
+
 TEST_F(EndpointTest, TracesEveryTickOnce) {
   for (int i = 0; i < 400; ++i) {
     sensors_.count[0] = i % 50;
