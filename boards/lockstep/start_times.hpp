@@ -36,7 +36,8 @@ consteval StartTime start_time(std::uint32_t firmware::Limits::*ticks) {
   return {};
 }
 
-// False where it is no such argument, or a time is out of range: `limits` are then not to be used.
+// False where it is no such argument, a time is out of range, or they do not go together: `limits` are then
+// not to be used.
 constexpr bool take_start_times(std::string_view argument, firmware::Limits& limits) {
   using firmware::Limits;
   constexpr std::array kTimes{start_time(&Limits::model_horizon_ticks), start_time(&Limits::model_fade_ticks),
@@ -61,7 +62,7 @@ constexpr bool take_start_times(std::string_view argument, firmware::Limits& lim
     digits = 0;
     ticks = 0;
   }
-  return field == kTimes.size();
+  return field == kTimes.size() && firmware::lost_after_off(limits);
 }
 
 }  // namespace palpate::board

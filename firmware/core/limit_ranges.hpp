@@ -34,7 +34,8 @@ inline constexpr std::array kTickRanges{
     LimitRange<std::uint32_t>{"direct_lost_ticks", &Limits::direct_lost_ticks, 200, 5000},
     LimitRange<std::uint32_t>{"calibration_ticks", &Limits::calibration_ticks, 50, 1000},
     LimitRange<std::uint32_t>{"over_current_ticks", &Limits::over_current_ticks, 1, 20},
-    LimitRange<std::uint32_t>{"missed_deadline_weight", &Limits::missed_deadline_weight, 1, 1000},
+    // One deadline in 20 ticks may be missed for ever, not more.
+    LimitRange<std::uint32_t>{"missed_deadline_weight", &Limits::missed_deadline_weight, 20, 1000},
     LimitRange<std::uint32_t>{"missed_deadline_bucket", &Limits::missed_deadline_bucket, 1, 1000},
 };
 
@@ -44,8 +45,8 @@ inline constexpr std::array kNumberRanges{
     LimitRange<float>{"force_step_N", &Limits::force_step_N, 0.01f, 0.5f},
     LimitRange<float>{"force_fault_N", &Limits::force_fault_N, 1.0f, 500.0f},
     // The damper swings beyond 3.75 N s/m with the lightest tip.
-    LimitRange<float>{"damping_N_s_m", &Limits::damping_N_s_m, 0.0f, 3.75f},
-    LimitRange<float>{"damping_force_N", &Limits::damping_force_N, 0.0f, 2.0f},
+    LimitRange<float>{"damping_N_s_m", &Limits::damping_N_s_m, 0.1f, 3.75f},
+    LimitRange<float>{"damping_force_N", &Limits::damping_force_N, 0.1f, 2.0f},
     LimitRange<float>{"energy_J", &Limits::energy_J, 0.01f, 5.0f},
     LimitRange<float>{"energy_leak_W", &Limits::energy_leak_W, 0.0f, 5.0f},
     LimitRange<float>{"direct_force_N", &Limits::direct_force_N, 0.1f, 40.0f},
@@ -56,6 +57,17 @@ inline constexpr std::array kNumberRanges{
 };
 inline constexpr std::int32_t kMostCalibrationMotion_count = 10;
 inline constexpr float kMostMotorCurrent_A = 50.0f;
+
+// Deadlines in a row that may be missed.
+inline constexpr std::uint32_t kMostMissedDeadlines = 10;
+
+// A link that does not return is a fault after link_lost_ticks: by then outputs must have gone off, whatever
+// a model claims.
+constexpr bool lost_after_off(const Limits& limits) {
+  const std::uint32_t faded = limits.model_horizon_ticks + limits.model_fade_ticks;
+  const std::uint32_t damped = faded > limits.link_silent_ticks ? faded : limits.link_silent_ticks;
+  return damped + limits.damping_ticks <= limits.link_lost_ticks;
+}
 
 // The name of the first limit that is out of its range or does not go with another, empty where all are good;
 // NaN is out of every range.
@@ -75,6 +87,9 @@ constexpr std::string_view bad_limit(const Limits& limits) {
   if (limits.direct_force_N > limits.peak_force_N) return "direct_force_N";  // any program may send one
   if (limits.direct_hold_ticks + limits.direct_fade_ticks > limits.direct_lost_ticks)
     return "direct_lost_ticks";
+  if (limits.missed_deadline_bucket > kMostMissedDeadlines * limits.missed_deadline_weight)
+    return "missed_deadline_bucket";
+  if (!lost_after_off(limits)) return "link_lost_ticks";
   return {};
 }
 

@@ -38,8 +38,42 @@ TEST(LimitRanges, LimitsMustGoTogether) {
   EXPECT_EQ(bad_limit({.peak_force_N = 3.0f}), "direct_force_N");  // whose default is 5
   EXPECT_EQ(bad_limit({.direct_hold_ticks = 100, .direct_fade_ticks = 150, .direct_lost_ticks = 200}),
             "direct_lost_ticks");
+  EXPECT_EQ(bad_limit({.missed_deadline_weight = 20, .missed_deadline_bucket = 201}),
+            "missed_deadline_bucket");
+  EXPECT_EQ(bad_limit({.missed_deadline_weight = 20, .missed_deadline_bucket = 200}), "");
+  EXPECT_EQ(bad_limit({.model_horizon_ticks = 5000, .link_lost_ticks = 1000}), "link_lost_ticks");
+  EXPECT_EQ(bad_limit({.damping_ticks = 1000, .link_lost_ticks = 2199}), "link_lost_ticks");
+  EXPECT_EQ(bad_limit({.damping_ticks = 1000, .link_lost_ticks = 2200}), "");
+  EXPECT_EQ(bad_limit({.model_horizon_ticks = 1,
+                       .model_fade_ticks = 20,
+                       .link_silent_ticks = 500,
+                       .damping_ticks = 501,
+                       .link_lost_ticks = 1000}),
+            "link_lost_ticks");
   EXPECT_EQ(bad_limit({.calibration_motion_count = -1}), "calibration_motion_count");
   EXPECT_EQ(bad_limit({.motor_current_A = {1.0f, 0.0f, 1.0f}}), "motor_current_A");
+}
+
+// Ticks until a board whose servo misses a deadline in each `period_ticks` switches off; most if it does not.
+std::uint32_t ticks_to_fault(const Limits& limits, std::uint32_t period_ticks, std::uint32_t most) {
+  SupervisorState state{.mode = Mode::render};
+  for (std::uint32_t tick = 0; tick < most; ++tick) {
+    const SupervisorInputs in{.tick = tick, .missed_deadlines = tick % period_ticks == 0 ? 1u : 0u};
+    state = supervise(state, in, limits, 1).state;
+    if (state.faults != 0) return tick;
+  }
+  return most;
+}
+
+TEST(LimitRanges, NoneOfThemForgivesEveryMissedDeadline) {
+  constexpr std::uint32_t kMost = 100'000;
+  for (const std::uint32_t weight : {20u, 100u, 1000u}) {
+    Limits limits{.missed_deadline_weight = weight, .missed_deadline_bucket = 10 * weight};
+    if (limits.missed_deadline_bucket > 1000) limits.missed_deadline_bucket = 1000;
+    ASSERT_EQ(bad_limit(limits), "");
+    EXPECT_LE(ticks_to_fault(limits, 1, kMost), kMostMissedDeadlines) << weight;
+    EXPECT_LT(ticks_to_fault(limits, 19, kMost), kMost) << weight;
+  }
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ from palpate.scene_sections import (
     LinkFaults,
     Outputs,
     Path,
+    Safety,
     SceneFile,
 )
 
@@ -56,6 +57,7 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
             "integrator.method", scene.integrator.method, '"semi_implicit" where body.drives is given'
         )
     _check_hand(reader, scene.hand)
+    _check_safety(reader, scene.safety)
     if scene.board.name == NUCLEO:
         _check_nucleo(reader, scene)
     _check_patch(reader, scene)
@@ -273,6 +275,23 @@ def _check_path(reader: Reader, path: Path) -> None:
             raise reader.error(
                 f"path.waypoints[{i}].time_s", time_s, f"greater than the previous time {before_s:.12g} s"
             )
+
+
+# What firmware::Limits has where a scene says nothing (firmware/core/supervisor.hpp), s.
+BOARDS_OWN_s = {"horizon_s": 1.0, "fade_s": 0.2, "damp_s": 1.0, "resume_within_s": 10.0}
+LINK_SILENT_s = 0.3
+
+
+def _check_safety(reader: Reader, safety: Safety) -> None:
+    """As lost_after_off() of firmware/core/limit_ranges.hpp."""
+    given = {name: getattr(safety, name) for name in BOARDS_OWN_s}
+    ticks = {name: round((own_s if given[name] is None else given[name]) / TICK_S) for name, own_s in BOARDS_OWN_s.items()}
+    off = max(ticks["horizon_s"] + ticks["fade_s"], round(LINK_SILENT_s / TICK_S)) + ticks["damp_s"]
+    if off > ticks["resume_within_s"]:
+        raise reader.error(
+            "safety.resume_within_s", TICK_S * ticks["resume_within_s"],
+            f"at least {TICK_S * off:.12g} s, until outputs are off: horizon_s + fade_s, or {LINK_SILENT_s:g} s, + damp_s",
+        )
 
 
 def _check_hand(reader: Reader, hand: Hand) -> None:

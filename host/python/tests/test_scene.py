@@ -561,6 +561,10 @@ BAD = {
         GOOD + "[safety]\nfade_s = 0.01",
         "scene.toml: safety.fade_s = 0.01: must be in [0.02, 2] s",
     ),
+    "lost before outputs are off": (
+        GOOD + "[safety]\nresume_within_s = 1.5",
+        "scene.toml: safety.resume_within_s = 1.5: must be at least 2.2 s, until outputs are off",
+    ),
     "unknown medium": (
         GOOD + '[link]\nmedium = "lin"',
         'scene.toml: link.medium = "lin": must be one of "uart", "can", "canfd", "usb"',
