@@ -100,15 +100,39 @@ TEST_F(LinkLoss, ThirtyMillisecondsOfJitterChangeNothing) {
 TEST_F(LinkLoss, AModelThatIsNotNeededIsNoLostLink) {
   // The tip is far from the surface: the host has nothing to send but signs of life.
   in_.tip_velocity_m_s = kVelocity_m_s;
+  in_.force_N = {};
   for (int i = 0; i < 200; ++i) {
     ticks(99, false);
     in_.link_age_ticks = 0;
   }
   EXPECT_EQ(state_.mode, Mode::render);
   EXPECT_EQ(state_.force_N, Vec3f{});
+  in_.force_N = kForce_N;
   // And the next model is no return: its force is there at once, but for the step.
   ticks(static_cast<std::uint32_t>(kForce_N.z / limits_.force_step_N), true);
   EXPECT_EQ(state_.force_N, kForce_N);
+}
+
+TEST_F(LinkLoss, AForceThatHasFadedWhileTheHostIsHeardComesBackBySoftStart) {
+  for (int i = 0; i < 3; ++i) {
+    ticks(99, false);
+    in_.link_age_ticks = 0;
+  }
+  ASSERT_GT(norm(state_.force_N), 0.0f);  // nearly
+  tick(true);
+  ticks(static_cast<std::uint32_t>(kForce_N.z / limits_.force_step_N), true);
+  EXPECT_EQ(state_.force_N, kForce_N);
+  for (int i = 0; i < 5; ++i) {
+    ticks(99, false);
+    in_.link_age_ticks = 0;
+  }
+  ASSERT_EQ(state_.force_N, Vec3f{});
+  ASSERT_TRUE(decision_.outputs_on);
+  for (std::uint32_t i = 0; i <= limits_.soft_start_ticks; ++i) {
+    EXPECT_NEAR(norm(tick(true).state.force_N),
+                norm(kForce_N) * static_cast<float>(i) / static_cast<float>(limits_.soft_start_ticks),
+                kForceRounding_N);
+  }
 }
 
 TEST_F(LinkLoss, GoesOnBySoftStartWithinTenSeconds) {
@@ -148,6 +172,47 @@ TEST_F(LinkLoss, LatchesAfterTenSeconds) {
   EXPECT_EQ(command(Action::clear_fault).outcome.status, Status::ok);
   ticks(100, true);
   EXPECT_EQ(state_.mode, Mode::idle);  // and is to be armed again
+}
+
+TEST_F(LinkLoss, AHostThatIsHeardButSendsNoModelLatchesToo) {
+  const SupervisorState rendering = state_;
+  for (const std::uint32_t heard_every_ticks : {100u, 9900u}) {
+    SCOPED_TRACE(heard_every_ticks);
+    state_ = rendering;
+    tick(true);
+    lose_link();
+    for (std::uint32_t i = 1; i <= limits_.link_lost_ticks; ++i) {
+      if (i % heard_every_ticks == 0) in_.link_age_ticks = 0;
+      // The silence before must not decide it.
+      in_.link_age_ticks = std::min(in_.link_age_ticks, heard_every_ticks);
+      tick(false);
+    }
+    EXPECT_EQ(state_.mode, Mode::suspended);
+    const SupervisorState at_the_end = state_;
+    tick(true);
+    EXPECT_EQ(state_.mode, Mode::fault) << "one model, too late";
+    EXPECT_EQ(state_.faults, bit(Fault::link_lost));
+    state_ = at_the_end;
+    in_.link_age_ticks = 0;
+    tick(false);
+    EXPECT_EQ(state_.faults, bit(Fault::link_lost));
+  }
+}
+
+TEST_F(LinkLoss, SignsOfLifeNowAndThenDoNotKeepOutputsOn) {
+  in_.tip_velocity_m_s = kVelocity_m_s;
+  std::uint32_t damped = 0, on = 0;
+  for (; on < 60'000; ++on) {
+    if (on % 1250 == 1249) in_.link_age_ticks = 0;
+    if (!tick(false).outputs_on) break;
+    // Damped while it is silent only: heard, the velocity is not even estimated.
+    if (in_.model_age_ticks < kValid_ticks + limits_.model_fade_ticks) continue;
+    const bool silent = in_.link_age_ticks > limits_.link_silent_ticks;
+    ASSERT_EQ(norm(state_.force_N) > 0.0f, silent) << on;
+    if (silent) ++damped;
+  }
+  EXPECT_EQ(state_.mode, Mode::suspended);
+  EXPECT_EQ(damped, limits_.damping_ticks);
 }
 
 TEST_F(LinkLoss, NothingButAFreshModelAndAHeardHostBringsOutputsBack) {

@@ -108,7 +108,7 @@ bool Servo::take_command(CommandRequest& request) {
   for (CommandRequest late; mailbox_.commands.pop(late);)
     (void)mailbox_.replies.push(
         {{late.command.action, Status::command_refused, 0}, state_.mode, late.requester});
-  request.command = {stop ? Action::stop : Action::disarm, 0};
+  request.command = {stop ? Action::stop : Action::disarm};
   return false;
 }
 
@@ -152,6 +152,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   CommandRequest request;
   const bool commanded = take_command(request);
   in.command = request.command;
+  in.command_node = request.requester.node;
 
   Decision decision = supervise(state_, in, limits_, challenge_seed_);
   if (decision.outputs_on) {

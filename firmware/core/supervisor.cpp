@@ -32,7 +32,8 @@ void enter(SupervisorState& state, Mode mode) {
   state.token = 0;
   state.token_age_ticks = 0;
   state.token_is_direct = false;
-  state.link_was_lost = false;
+  state.token_node = 0;
+  state.force_was_lost = false;
   state.soft_start_ticks = 0;
   state.damping_ticks = 0;
   state.energy_J = 0.0f;
@@ -137,7 +138,7 @@ bool has_faded(const Wanted& wanted) {
 
 // How much of it is rendered, 0 to 1: soft start after arming and after a lost link, fading when it is old.
 float force_scale(const SupervisorState& state, const Wanted& wanted, const Limits& limits) {
-  if (state.link_was_lost) return 0.0f;
+  if (state.force_was_lost) return 0.0f;
   float scale = 1.0f;
   if (state.soft_start_ticks < limits.soft_start_ticks) {
     scale = static_cast<float>(state.soft_start_ticks) / static_cast<float>(limits.soft_start_ticks);
@@ -152,6 +153,10 @@ float force_scale(const SupervisorState& state, const Wanted& wanted, const Limi
   return scale;
 }
 
+bool is_silent(const SupervisorInputs& in, const Limits& limits) {
+  return in.link_age_ticks > limits.link_silent_ticks;
+}
+
 // Against the tip's motion: the hand feels the opposite.
 Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
   Vec3f force_N = limits.damping_N_s_m * in.tip_velocity_m_s;
@@ -163,7 +168,7 @@ Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
 Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
                     const Wanted& wanted) {
   Vec3f force_N{};
-  if (state.damping_ticks > 0) {
+  if (state.damping_ticks > 0 && is_silent(in, limits)) {
     force_N = damping_force(in, limits);
   } else if (wanted.present) {
     force_N = wanted.force_N;
@@ -197,11 +202,14 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
     case Action::arm_direct:
       if (!may_arm) return Status::command_refused;
       state.token_is_direct = in.command.action == Action::arm_direct;
+      state.token_node = in.command_node;
       state.token = make_token(in.tick, seed);
       state.token_age_ticks = 0;
       return Status::ok;
     case Action::arm_confirm: {
       if (!may_arm) return Status::command_refused;
+      // The token stands in the status, for everybody to read: it is no try, and the challenge stays open.
+      if (state.token != 0 && in.command_node != state.token_node) return Status::command_refused;
       const bool right = state.token != 0 && in.command.token == state.token &&
                          state.token_age_ticks <= limits.arming_window_ticks;
       state.token = 0;  // one try a challenge
@@ -224,23 +232,39 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
   return Status::command_refused;  // a number that is no action
 }
 
+// Heard for the last time too long ago, or heard since and without a model for as long.
+bool is_lost(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  return in.link_age_ticks > limits.link_lost_ticks || state.mode_age_ticks > limits.link_lost_ticks;
+}
+
 // What a silent link does to rendering: damped, off, and on again when the host that armed is heard and has
-// sent a model. `rendering` as for arming: outputs do not come on while one of these lasts.
+// sent a model. `rendering` as for arming: outputs do not come on while one of these lasts. Only a fresh
+// model ends the count of damping: signs of life alone do not keep outputs on for ever.
 void follow_link(SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
                  FaultSet rendering) {
   const Wanted wanted = wanted_force(state, in, limits);
-  const bool silent = in.link_age_ticks > limits.link_silent_ticks;
+  const bool silent = is_silent(in, limits);
   if (state.mode == Mode::render) {
     if (silent && has_faded(wanted)) {
-      state.link_was_lost = true;
+      state.force_was_lost = true;
       state.soft_start_ticks = 0;
       state.damping_ticks = saturating_add(state.damping_ticks, in.elapsed_ticks);
       if (state.damping_ticks > limits.damping_ticks) enter(state, Mode::suspended);
       return;
     }
+    if (!is_fresh(wanted)) {
+      // What has been withheld whole comes back by the soft start. Where the tip touches nothing, nothing
+      // was: the host may send no models there, and the next contact loses no force.
+      if (wanted.present && has_faded(wanted) && !(wanted.force_N == Vec3f{})) {
+        state.force_was_lost = true;
+        state.soft_start_ticks = 0;
+      }
+      return;
+    }
     state.damping_ticks = 0;
-    if (state.link_was_lost && is_fresh(wanted)) state.link_was_lost = false;
-  } else if (state.mode == Mode::suspended && !silent && is_fresh(wanted) && rendering == 0) {
+    state.force_was_lost = false;
+  } else if (state.mode == Mode::suspended && !silent && is_fresh(wanted) && rendering == 0 &&
+             !is_lost(state, in, limits)) {
     enter(state, Mode::render);
   }
 }
@@ -260,7 +284,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   count_over_current(state, in, limits);
   count_deadlines(state, in, limits);
   count_energy(state, in, limits);
-  if (outputs_on(state.mode) && !state.link_was_lost)
+  if (outputs_on(state.mode) && !state.force_was_lost)
     state.soft_start_ticks = saturating_add(state.soft_start_ticks, in.elapsed_ticks);
 
   const FaultSet always = faults_always(state, in, limits);
@@ -290,8 +314,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
       run_command(state, in, limits, always, rendering, challenge_seed, decision.calibration_begins);
 
   FaultSet present = static_cast<FaultSet>(outputs_on(state.mode) ? always | rendering : always);
-  if (state.mode == Mode::suspended && in.link_age_ticks > limits.link_lost_ticks)
-    present |= bit(Fault::link_lost);
+  if (state.mode == Mode::suspended && is_lost(state, in, limits)) present |= bit(Fault::link_lost);
   if (present != 0) {
     if (state.mode != Mode::fault) enter(state, Mode::fault);
     state.faults = static_cast<FaultSet>(state.faults | present);

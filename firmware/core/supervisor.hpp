@@ -106,7 +106,8 @@ struct Limits {
   // Then outputs go off. The arm swings less than a tenth of a second at that damping; the hand has time to
   // take over its weight.
   std::uint32_t damping_ticks = 1000;
-  // A link that has been lost for longer does not bring the force back by itself.
+  // A link that has been lost for longer, or has not brought a model for longer since outputs went off, does
+  // not bring the force back by itself.
   std::uint32_t link_lost_ticks = 10'000;
 
   // A leaking bucket of what the model's force gives the hand, less what it takes. A spring pressed to 8.5 N
@@ -159,13 +160,14 @@ struct SupervisorState {
   std::uint32_t token = 0;           // open challenge of arming; 0: none
   std::uint32_t token_age_ticks = 0;
   bool token_is_direct = false;             // to Mode::direct, not to Mode::render
+  std::uint16_t token_node = 0;             // that asked for it
   std::uint32_t over_current_ticks = 0;     // in a row
   std::uint32_t missed_deadline_level = 0;  // the bucket
   bool position_trusted = true;             // false after an encoder jump, until a calibration
   Vec3f force_N{};                          // as rendered in the last tick
-  bool link_was_lost = false;               // no force before a fresh model, and that from zero
+  bool force_was_lost = false;              // no force before a fresh model, and that from zero
   std::uint32_t soft_start_ticks = 0;       // since the force began to rise
-  std::uint32_t damping_ticks = 0;          // in a row
+  std::uint32_t damping_ticks = 0;          // since the newest fresh model
   float energy_J = 0.0f;                    // the bucket
 
   friend bool operator==(const SupervisorState&, const SupervisorState&) = default;
@@ -177,7 +179,8 @@ struct SupervisorInputs {
   std::uint32_t elapsed_ticks = 1;     // since the last call; more than 1 after lost ticks
   std::uint32_t missed_deadlines = 0;  // since the last call
   bool emergency_stop_open = false;
-  Command command{};  // at most one per tick
+  Command command{};               // at most one per tick
+  std::uint16_t command_node = 0;  // that sent it
   // Sensors and kinematics.
   Vec3f tip_m{};             // device frame
   float joint_step_rad = 0;  // largest change of a joint since the last call, per elapsed tick

@@ -98,8 +98,8 @@ class AllStates : public ::testing::Test {
   struct Before {
     static auto key(const SupervisorState& s) {
       return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
-                             s.token_is_direct, s.over_current_ticks, s.missed_deadline_level,
-                             s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z, s.link_was_lost,
+                             s.token_is_direct, s.token_node, s.over_current_ticks, s.missed_deadline_level,
+                             s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z, s.force_was_lost,
                              s.soft_start_ticks, s.damping_ticks, s.energy_J);
     }
     bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
@@ -118,10 +118,11 @@ TEST_F(AllStates, KeepTheRules) {
     open.pop_front();
     mode_seen[static_cast<std::size_t>(state.mode)] = true;
     for (SupervisorInputs in : inputs) {
-      for (std::uint8_t number = 0; number <= 9; ++number) {
-        // 8 is no action; 9 stands for a confirmation with another token.
-        const bool wrong_token = number == 9;
-        const Action action = wrong_token ? Action::arm_confirm : static_cast<Action>(number);
+      for (std::uint8_t number = 0; number <= 10; ++number) {
+        // 8 is no action; 9 stands for a confirmation with another token, 10 for one of another node.
+        const bool wrong_token = number == 9, another_node = number == 10;
+        const Action action = number > 8 ? Action::arm_confirm : static_cast<Action>(number);
+        in.command_node = another_node ? 11 : 10;
         in.command = {action, wrong_token ? state.token + 1 : state.token};
         const Decision decision = supervise(state, in, limits, kSeed);
         const SupervisorState& next = decision.state;
@@ -146,18 +147,21 @@ TEST_F(AllStates, KeepTheRules) {
           ASSERT_EQ(next.mode, Mode::render);
           ASSERT_NE(action, Action::disarm);
           ASSERT_LE(in.link_age_ticks, limits.link_silent_ticks);
+          ASSERT_LE(state.mode_age_ticks + in.elapsed_ticks, limits.link_lost_ticks);
           ASSERT_TRUE(in.model_sequence != 0 && in.model_age_ticks <= in.model_valid_ticks);
           ASSERT_EQ(next.force_N, Vec3f{});
         }
         if (next.mode == Mode::suspended) {
           ASSERT_TRUE(state.mode == Mode::suspended || state.mode == Mode::render);
           ASSERT_LE(in.link_age_ticks, limits.link_lost_ticks);
+          ASSERT_LE(next.mode_age_ticks, limits.link_lost_ticks);
         }
         if (decision.outputs_on && !outputs_on(state.mode) && !resumes) {
           ASSERT_EQ(next.mode == Mode::direct, state.token_is_direct);
           ASSERT_TRUE(state.mode == Mode::idle || state.mode == Mode::calibrate || state.mode == Mode::boot);
           ASSERT_EQ(action, Action::arm_confirm);
           ASSERT_FALSE(wrong_token);
+          ASSERT_FALSE(another_node);
           ASSERT_NE(state.token, 0u);
           ASSERT_LE(state.token_age_ticks + in.elapsed_ticks, limits.arming_window_ticks);
           ASSERT_TRUE(state.position_trusted);

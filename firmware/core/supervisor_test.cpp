@@ -101,6 +101,22 @@ TEST(Arming, WrongTokenClosesTheChallenge) {
   EXPECT_FALSE(board.last.outputs_on);
 }
 
+// The token is in each status, which everybody reads.
+TEST(Arming, OnlyWhoAskedMayConfirm) {
+  Board board;
+  board.boot();
+  board.in.command_node = 10;
+  const std::uint32_t token = board.challenge();
+  board.in.command_node = 11;
+  EXPECT_EQ(board.command(Action::arm_confirm, token).outcome.status, Status::command_refused);
+  EXPECT_FALSE(board.last.outputs_on);
+  // Nor can it close another's challenge with a wrong one.
+  EXPECT_EQ(board.command(Action::arm_confirm, token + 1).outcome.status, Status::command_refused);
+  board.in.command_node = 10;
+  EXPECT_EQ(board.command(Action::arm_confirm, token).outcome.status, Status::ok);
+  EXPECT_TRUE(board.last.outputs_on);
+}
+
 TEST(Arming, WithoutChallengeZeroIsNoToken) {
   Board board;
   board.boot();

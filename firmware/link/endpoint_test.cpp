@@ -441,6 +441,19 @@ TEST_F(EndpointTest, AnotherHostIsNotObeyedWhileItIsArmed) {
   EXPECT_EQ(status().mode, palpate_BoardStatus_1_0_MODE_IDLE);
 }
 
+TEST_F(EndpointTest, WhoReadsTheTokenInTheStatusCannotArmWithIt) {
+  ticks(limits_.boot_ticks);
+  const auto challenge = command(palpate_Command_Request_1_0_ARM_REQUEST);
+  ASSERT_NE(challenge._token, 0u);
+  host_.node = 11;
+  const auto of_another = command(palpate_Command_Request_1_0_ARM_CONFIRM, status()._token);
+  EXPECT_EQ(of_another.status, static_cast<std::uint8_t>(Status::command_refused));
+  EXPECT_EQ(of_another.mode, palpate_BoardStatus_1_0_MODE_IDLE);
+  host_.node = wire::kHostNode;
+  EXPECT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token).mode,
+            palpate_BoardStatus_1_0_MODE_RENDER);
+}
+
 TEST_F(EndpointTest, ModelsOfAnotherHostAreForgottenAtArming) {
   ticks(50);
   host_.send(test::square_model(1, 49, {0, 0, -0.002f}));
