@@ -18,7 +18,7 @@ from palpate.machine.stm32g474 import UNIQUE_ID
 
 pytestmark = pytest.mark.skipif(
     not NATIVE_USB_IMAGE.exists() or not MPS2_USB_IMAGE.exists(),
-    reason="firmware with USB is not built: the crate tinyusb-sys is missing, ./run unpacks it where there is cargo")
+    reason="firmware with USB is not built: ./run test does it where cargo has unpacked the crate tinyusb-sys")
 BOOT_TICKS = 25  # a few more than the firmware's 20
 BOARDS = {"native_usb": "native", "mps2_usb": "mps2_an386", "nucleo_usb": "nucleo_g474re"}
 # Numbers of the parts: an emulated board makes one of its name.

@@ -13,7 +13,7 @@ from usb_redir import plugged_in
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(
     not MPS2_USB_IMAGE.exists(),
-    reason="firmware with USB is not built: the crate tinyusb-sys is missing, ./run unpacks it where there is cargo")]
+    reason="firmware with USB is not built: ./run test does it where cargo has unpacked the crate tinyusb-sys")]
 # Far above what the slowest machine needs: a guest that needs it has hung.
 DEADLINE_S = 300.0
 # usbutils' words for what it cannot make sense of or cannot get.

@@ -16,7 +16,7 @@ from pycyphal.transport.serial import SerialTransport
 
 async def listen(port: str) -> None:
     """Prints the tip's height in the first tick of ten traces."""
-    transport = SerialTransport(port, local_node_id=None)  # to send, too, it would be a node of its own: 11
+    transport = SerialTransport(port, local_node_id=None, baudrate=921_600)  # to send, too, it would be a node of its own: 50
     traces = Presentation(transport).make_subscriber(messages.ServoTrace_1_0, 1600)
     for _ in range(10):
         trace, transfer = await anext(traces)
