@@ -7,6 +7,7 @@ Bound of the difference, patch: a model is exact at its own tick, and from there
 factor of at most 1.5: held at its border it lacks at most a third of the body's compliance at 0 Hz
 (docs/decisions/whole_body.md, table "Error by frequency"). So after a way w of the tip in contact since then its force is
 off by 0.5 K w, with K the body's stiffness at the contact; two models of ages a and b along the same path differ by 0.5 K (w_a + w_b).
+While the tip is held there is no way, but the body still settles: 0.5 % of the largest force more (0.33 % seen at 0.36 s).
 Bound, hybrid: either model stays within 5 % of the full body's force for 300 ticks
 (HybridModel.IsStableForSoftAndStiffSprings), so two differ by at most 10 % of the largest force.
 """
@@ -23,6 +24,7 @@ MODEL = 8
 STATE_FRAME = 1 + MODEL * (PIECES + 1)
 STATUS_SUPERSEDED = 36  # shared/status.hpp
 PATCH_STIFFNESS_ERROR = 0.5
+PATCH_HELD_ERROR = 0.005
 HYBRID_FORCE_ERROR = 0.05
 BUILDERS = ("patch", "hybrid")
 # Every so manieth frame; no frame has two faults, and none holds up the first model: before it the tip is not estimated, so its
@@ -75,6 +77,7 @@ def check(good_: Run, run_: Run, builder: str = "patch") -> None:
         stiffness_N_m = float(good_.force_N[deepest]) / depth_m
         touching = (run_["ticks/contact_mode"] != FREE) | (good_["ticks/contact_mode"] != FREE)
         bound_N = PATCH_STIFFNESS_ERROR * stiffness_N_m * (ways_m(run_, touching) + ways_m(good_, touching))
+        bound_N += PATCH_HELD_ERROR * float(good_.force_N.max())
     else:
         bound_N = np.full(len(difference_N), 2.0 * HYBRID_FORCE_ERROR * float(good_.force_N.max()))
     assert np.all(difference_N <= bound_N), (difference_N.max(), (difference_N - bound_N).max())
@@ -105,13 +108,11 @@ def test_a_state_that_comes_twice_is_taken_once(tmp_path, good):
     check(good["patch"], twice)
 
 
-def test_a_state_that_comes_again_behind_the_next_is_refused(tmp_path, good):
+def test_a_state_that_comes_again_behind_the_next_is_ignored(tmp_path, good):
     again = faulty(tmp_path, duplicate_down=[{"frame": STATE_FRAME, "behind": PIECES + 1}])
     np.testing.assert_array_equal(again["ticks/force_N"], good["patch"]["ticks/force_N"])
-    # It was taken over the first time, and that stands; the copy is counted.
-    assert (status(again), refused(again)) == (0, 1)
-    # Its number steps back, and the next one's forth: the one between counts as lost.
-    assert again.summary["frames_lost"] == 1
+    # It was taken over the first time, and that stands; the copy has the number of a transfer that has come.
+    assert (status(again), refused(again), again.summary["frames_lost"]) == (0, 0, 0)
     check(good["patch"], again)
 
 
@@ -119,8 +120,7 @@ def test_a_state_behind_the_next_is_refused(tmp_path, good):
     late = faulty(tmp_path, reorder_down=[{"frame": STATE_FRAME, "behind": PIECES + 1}])
     assert (status(late), refused(late)) == (STATUS_SUPERSEDED, 1)
     assert not np.any(late["ticks/model_sequence"] == MODEL)
-    # Missed where it should have come, and the next one when it has come.
-    assert late.summary["frames_lost"] == 2
+    assert late.summary["frames_lost"] == 0  # missed where it should have come, and found again
     assert late.summary["model_updates"] == good["patch"].summary["model_updates"] - 1
     check(good["patch"], late)
 
@@ -145,15 +145,15 @@ def test_a_trace_that_comes_twice_changes_nothing(tmp_path, good, behind):
 def test_a_trace_that_comes_late_is_put_in_its_place(tmp_path, good, behind):
     late = faulty(tmp_path, reorder_up=[{"frame": frame, "behind": behind} for frame in range(60, 160, 20)])
     assert late.summary["interpolated_ticks"] == 0
-    assert late.summary["frames_lost"] > 0
-    assert refused(late) == 0
+    assert late.summary["frames_lost"] == refused(late) == 0
     check(good["patch"], late)
 
 
 @pytest.mark.parametrize("builder", BUILDERS)
 def test_a_storm_of_both_does_no_harm(tmp_path, good, builder):
     stormy = faulty(tmp_path, builder, **STORM)
-    assert stormy.summary["frames_lost"] > 20
+    # Those that at the end still wait for frames to come behind: down of the last 14 each sixth, up of the last three one.
+    assert stormy.summary["frames_lost"] <= 3 + 1
     touching = good[builder]["ticks/contact_mode"] != FREE
     assert np.count_nonzero(stormy["ticks/contact_mode"][touching] != FREE) > 0.9 * np.count_nonzero(touching)
     # Each model that the host sent was taken over, refused and told, or never known of; and the loop goes on to the end.

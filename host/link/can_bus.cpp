@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "host/link/can_record_bytes.hpp"
+
 namespace palpate::link {
 namespace {
 
@@ -138,8 +140,7 @@ bool MeteredCanBus::submit(std::size_t direction, std::span<const std::uint8_t> 
     bytes = bytes.subspan(step.consumed);
     if (step.found == wire::CanRecordReader::Found::nothing) break;
     if (step.found == wire::CanRecordReader::Found::damage || (step.frame.fd && !bus_.fd)) continue;
-    std::vector<std::uint8_t> record(step.frame.data.size() + wire::kCanRecordOverheadBytes);
-    record.resize(wire::write_can_record(step.frame, record));
+    std::vector<std::uint8_t> record = can_record_of(step.frame);
     unsettled -= record.size();
     side.bytes_accepted += record.size();
     state_.waiting.emplace(std::pair{step.frame.identifier, records_++},

@@ -7,6 +7,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "host/link/can_record_bytes.hpp"
 #include "host/link/framing.hpp"
 #include "shared/wire/messages.hpp"
 
@@ -19,9 +20,7 @@ constexpr std::uint32_t kUrgent = 0x0C66402Au, kMiddle = 0x10664A0Au, kLast = 0x
 
 Bytes record(std::uint32_t identifier, std::size_t data_bytes, bool fd = false, std::uint8_t fill = 0) {
   const Bytes data(data_bytes, fill);
-  Bytes out(wire::kMaxCanRecordBytes);
-  out.resize(wire::write_can_record({identifier, fd, data}, out));
-  return out;
+  return can_record_of({identifier, fd, data});
 }
 
 Bytes times(const Bytes& bytes, std::size_t count) {

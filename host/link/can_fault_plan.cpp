@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "host/link/can_record_bytes.hpp"
 #include "shared/wire/can_frame.hpp"
 
 namespace palpate::link {
@@ -40,8 +41,7 @@ std::vector<std::uint8_t> CanFaultPlan::apply(std::span<const std::uint8_t> byte
       is_spoilt = true;
       continue;
     }
-    std::vector<std::uint8_t> record(step.frame.data.size() + wire::kCanRecordOverheadBytes);
-    record.resize(wire::write_can_record(step.frame, record));
+    const std::vector<std::uint8_t> record = can_record_of(step.frame);
     for (int i = 0; i < passes; ++i) out.insert(out.end(), record.begin(), record.end());
   }
 }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "host/link/can_record_bytes.hpp"
 #include "shared/wire/can_frame.hpp"
 
 namespace palpate::link {
@@ -20,9 +21,7 @@ std::vector<Bytes> transfer(std::uint32_t identifier, int frames, std::uint8_t i
   for (int i = 0; i < frames; ++i) {
     const Bytes data{static_cast<std::uint8_t>(i),
                      wire::can_tail_byte({i == 0, i == frames - 1, i % 2 == 0, id})};
-    Bytes record(data.size() + wire::kCanRecordOverheadBytes);
-    record.resize(wire::write_can_record({.identifier = identifier, .fd = false, .data = data}, record));
-    records.push_back(record);
+    records.push_back(can_record_of({.identifier = identifier, .fd = false, .data = data}));
   }
   return records;
 }

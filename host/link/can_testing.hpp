@@ -13,15 +13,14 @@
 #include <cstdlib>
 #include <string>
 
+#include "host/link/can_record_bytes.hpp"
 #include "host/link/descriptor_link.hpp"
 #include "host/link/link_testing.hpp"
-#include "shared/wire/can_record.hpp"
 
 namespace palpate::link::testing {
 
 inline Bytes record(std::uint32_t identifier, const Bytes& data, bool fd) {
-  Bytes bytes(wire::kMaxCanRecordBytes);
-  bytes.resize(wire::write_can_record({.identifier = identifier, .fd = fd, .data = data}, bytes));
+  Bytes bytes = can_record_of({.identifier = identifier, .fd = fd, .data = data});
   EXPECT_FALSE(bytes.empty());
   return bytes;
 }

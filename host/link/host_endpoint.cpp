@@ -219,6 +219,7 @@ EndpointCounters HostEndpoint::counters() const {
   counters.frames_refused = framing_->counters().refused();
   counters.frames_lost = transfers_.lost();
   counters.frames_repeated = transfers_.repeated();
+  counters.frames_late = transfers_.late();
   return counters;
 }
 

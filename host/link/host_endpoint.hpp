@@ -44,6 +44,7 @@ struct EndpointCounters {
   std::uint64_t frames_refused = 0;   // bad framing or CRC
   std::uint64_t frames_lost = 0;      // gaps in the board's transfer identifiers: refused frames among them
   std::uint64_t frames_repeated = 0;  // the same transfer again; ignored
+  std::uint64_t frames_late = 0;      // behind later ones: taken, and not lost
   std::uint64_t frames_foreign = 0;   // from another node or to another one; ignored
   std::uint64_t ports_unknown = 0;    // from the board, but no message of ours
   std::uint64_t payloads_malformed = 0;  // the decoder refused them, or their numbers say nothing
@@ -57,8 +58,8 @@ std::uint64_t fresh_transfer_id();
 struct EndpointOptions {
   std::uint16_t node = wire::kHostNode;
   std::uint16_t board = wire::kBoardNode;
-  // A host that starts again within 2 s of its last transfers continues their numbers, or the board takes its
-  // first ones for repeats (docs/protocol.md).
+  // A host that starts again within 2 s of its last transfers continues their numbers, or the board may take
+  // its first ones for repeats (docs/protocol.md).
   std::uint64_t first_transfer_id = 0;
   FramingKind framing = FramingKind::serial;
 };

@@ -13,10 +13,10 @@
 
 #include "host/link/can_bus.hpp"
 #include "host/link/can_cost.hpp"
+#include "host/link/can_record_bytes.hpp"
 #include "host/session/closed_loop.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_drag.hpp"
-#include "shared/wire/can_record.hpp"
 
 namespace palpate::host {
 namespace {
@@ -36,8 +36,8 @@ void babble(link::MeteredCanBus& bus, std::uint32_t tick) {
   constexpr std::uint32_t kMessage = 0x0060'0000u | (7000u << 8) | 99u;
   constexpr std::array<std::uint8_t, 8> kData{1, 2, 3, 4, 5, 6, 7, 0xe0};
   for (int i = 0; i < 7; ++i) {
-    std::vector<std::uint8_t> record(kData.size() + wire::kCanRecordOverheadBytes);
-    record.resize(wire::write_can_record({.identifier = kMessage, .fd = false, .data = kData}, record));
+    const std::vector<std::uint8_t> record =
+        link::can_record_of({.identifier = kMessage, .fd = false, .data = kData});
     ASSERT_TRUE(bus.down().submit(record, tick));
   }
 }

@@ -168,6 +168,7 @@ LoopCounters LoopHost::counters() const {
   counters.frames_lost_up = heard.frames_lost + heard.payloads_malformed;
   counters.frames_lost_down = board_status_ ? board_status_->frames_lost : 0;
   counters.frames_repeated_up = heard.frames_repeated;
+  counters.frames_late_up = heard.frames_late;
   counters.basis_waits = is_busy() ? basis_waits_ : session_.basis_waits();
   return counters;
 }

@@ -43,7 +43,7 @@ struct UpdateRecord {
 struct LoopCounters {
   std::uint64_t frames_lost_down = 0, frames_lost_up = 0;
   std::uint64_t frames_removed_down = 0, frames_removed_up = 0;  // by the faults that a scene asks for
-  std::uint64_t frames_repeated_up = 0;                          // right behind themselves: ignored
+  std::uint64_t frames_repeated_up = 0, frames_late_up = 0;      // came again: ignored; behind later ones
   std::uint32_t models_sent = 0, models_taken = 0, models_refused = 0;
   std::uint64_t basis_waits = 0;     // Session::basis_waits
   std::uint32_t board_restarts = 0;  // ClosedLoop::board_restarts

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "firmware/core/supervisor.hpp"
+#include "host/link/can_record_bytes.hpp"
 #include "shared/wire/can_frame.hpp"
-#include "shared/wire/can_record.hpp"
 
 namespace palpate::host {
 namespace {
@@ -146,8 +146,8 @@ void TroubledLink::add_foreign(double bytes, std::uint32_t identifier,
   const bool fd = framing_ == link::FramingKind::can_fd;
   std::vector<std::uint8_t> data(wire::can_mtu(fd ? wire::CanFormat::fd : wire::CanFormat::classic), 0x55);
   data.back() = wire::can_tail_byte({.start = true, .end = true, .toggle = true});
-  std::vector<std::uint8_t> record(wire::kMaxCanRecordBytes);
-  record.resize(wire::write_can_record({.identifier = identifier, .fd = fd, .data = data}, record));
+  const std::vector<std::uint8_t> record =
+      link::can_record_of({.identifier = identifier, .fd = fd, .data = data});
   for (std::size_t i = 0; i < kMostFlood && bytes > 0.0; ++i) {
     frames.push_back({.bytes = record});
     bytes -= static_cast<double>(record.size());

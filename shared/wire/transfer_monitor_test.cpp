@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <vector>
+
 namespace palpate::wire {
 namespace {
 
@@ -53,6 +56,64 @@ TEST(TransferMonitor, PeerThatStartsAgainIsNoLoss) {
   EXPECT_EQ(monitor.observe(transfer(1), 2), TransferKind::fresh);
   EXPECT_EQ(monitor.observe(transfer(1 + kLargestTransferGap + 1), 3), TransferKind::fresh);
   EXPECT_EQ(monitor.lost(), 0u);
+}
+
+// What takes them out of order: the numbers in the order of their arrival, and what is to be known of them.
+struct Arrivals {
+  std::vector<std::uint64_t> ids;
+  std::uint32_t lost, repeated, late;
+};
+
+void expect(const Arrivals& arrivals) {
+  TransferMonitor monitor;
+  for (const std::uint64_t id : arrivals.ids) (void)monitor.observe(transfer(id), 0);
+  EXPECT_EQ(monitor.lost(), arrivals.lost);
+  EXPECT_EQ(monitor.repeated(), arrivals.repeated);
+  EXPECT_EQ(monitor.late(), arrivals.late);
+}
+
+TEST(TransferMonitor, TransferAgainBehindLaterOnesIsNoLoss) {
+  expect({.ids = {10, 11, 12, 10, 13, 12, 11, 14}, .lost = 0, .repeated = 3, .late = 0});
+}
+
+TEST(TransferMonitor, LateTransferTakesItsLossBack) {
+  expect({.ids = {10, 12, 13, 11, 14, 11}, .lost = 0, .repeated = 1, .late = 1});
+  expect({.ids = {10, 14, 13, 11}, .lost = 1, .repeated = 0, .late = 2});  // without 12
+}
+
+TEST(TransferMonitor, TransferBeforeTheFirstIsLateAndNothingIsMissing) {
+  expect({.ids = {11, 10, 10, 12}, .lost = 0, .repeated = 1, .late = 1});
+}
+
+TEST(TransferMonitor, WindowEndsWhereItSays) {
+  const std::uint64_t far = 10 + kTransferWindow;
+  expect({.ids = {10, far, 11, far + 1}, .lost = kTransferWindow - 2, .repeated = 0, .late = 1});
+  // One further back is of a peer that started again, so that the next one is far ahead.
+  expect({.ids = {10, far + 1, 11, 12}, .lost = kTransferWindow, .repeated = 0, .late = 0});
+  expect({.ids = {10, 10 + 3 * kTransferWindow, 9 + 3 * kTransferWindow},
+          .lost = 3 * kTransferWindow - 2,
+          .repeated = 0,
+          .late = 1});
+}
+
+// Whose numbers are all in the window yet: a run of them again, none new between, tells it.
+TEST(TransferMonitor, PeerThatStartsAgainWithinItsFirstTransfersIsTakenAfterAFew) {
+  TransferMonitor monitor;
+  for (std::uint64_t id = 0; id < 6; ++id) (void)monitor.observe(transfer(id), 0);
+  std::uint64_t id = 0;
+  for (; id + 1 < kRestartRun; ++id) EXPECT_EQ(monitor.observe(transfer(id), 1), TransferKind::repeat);
+  for (; id < 20; ++id) EXPECT_EQ(monitor.observe(transfer(id), 1), TransferKind::fresh);
+  EXPECT_EQ(monitor.lost(), 0u);
+  EXPECT_EQ(monitor.late(), 0u);
+}
+
+TEST(TransferMonitor, NothingIsLateAfterTheTimeout) {
+  TransferMonitor monitor;
+  (void)monitor.observe(transfer(10), 0);
+  (void)monitor.observe(transfer(12), 0);
+  EXPECT_EQ(monitor.observe(transfer(11), kTransferIdTimeout_ticks), TransferKind::fresh);
+  EXPECT_EQ(monitor.lost(), 1u);
+  EXPECT_EQ(monitor.late(), 0u);
 }
 
 TEST(TransferMonitor, SourcesAndSpecifiersAreCountedApart) {

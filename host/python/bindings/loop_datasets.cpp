@@ -77,6 +77,7 @@ void add_counters(nb::dict& result, const host::LoopCounters& counters) {
   result["frames_lost_down"] = counters.frames_lost_down;
   result["frames_lost_up"] = counters.frames_lost_up;
   result["frames_repeated_up"] = counters.frames_repeated_up;
+  result["frames_late_up"] = counters.frames_late_up;
   result["models_sent"] = counters.models_sent;
   result["models_taken"] = counters.models_taken;
   result["models_refused"] = counters.models_refused;

@@ -127,6 +127,7 @@ def run_values(ticks: int = 5000, nodes: int = NODES) -> tuple[dict[str, Any], d
         "frames_lost_down": 0,
         "frames_lost_up": 0,
         "frames_repeated_up": 0,
+        "frames_late_up": 0,
         "models_sent": updates,
         "models_taken": updates,
         "models_refused": 0,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command import palpate
 
-from palpate.faults import cases, command, rules
+from palpate.faults import cases, command, picture, rules
 from palpate.faults.rules import Run, judge
 from palpate.paths import ROOT
 from palpate.record_layout import BOARD_MODES
@@ -99,39 +99,108 @@ def test_the_usual_force_is_the_largest_at_no_more_depth():
     np.testing.assert_allclose(rules.usual_N(good, np.array([0.0005, 0.005, 0.01, 0.02])), [0.2, 3.0, 4.0, 8.0], atol=2e-3)
 
 
+SILENT = case(silent=True, first_s=1.0, end_s=2.9)
+REFUSED = case(refused=True, first_s=1.0, end_s=2.0)
+
+
+def fade(run: Run, end: int) -> None:
+    """From 1.0 s on models only age, and their force fades."""
+    age_ticks = np.arange(end - 1000) + 30
+    run.values["ticks/model_age_ticks"][1000:end] = age_ticks
+    run.values["ticks/force_N"][1000:end, 2] = -2.0 * np.clip(1.0 - (age_ticks - VALID_TICKS) / rules.FADE_TICKS, 0.0, 1.0)
+    run.values["ticks/force_N"][end:, 2] = -0.5
+
+
+def silence(run: Run) -> None:
+    """As documented: faded, damped, switched off until the host is heard again."""
+    fade(run, 2900)
+    for name in ("ticks/enabled", "ticks/setpoint_A"):
+        run.values[name][2400:2900] = 0
+    run.values["ticks/mode"][2400:2900] = 6
+
+
+def refusal(run: Run, missed: int = 0) -> None:
+    """As documented: every model refused, and the last one that was taken faded."""
+    fade(run, 2000)
+    sent = run.values["updates/sent_tick"]
+    run.values["updates/status"][(sent >= 1000 + missed) & (sent < 2000)] = rules.SCHEMA_MISMATCH
+
+
+def swell(run: Run, first: int, end: int, most_N: float) -> None:
+    """A force that comes and goes so slowly that no step shows it."""
+    i = np.arange(end - first)
+    run.values["ticks/force_N"][first:end, 2] = -np.minimum(most_N, 0.02 * np.minimum(i, end - first - 1 - i))
+
+
 def test_silence_must_end_the_force_and_the_outputs_in_time():
-    silent = case(silent=True, first_s=1.0, end_s=2.9)
     assert "force gone after None ticks: must be at most 400; outputs off after None ticks: must be at most 1500" in broken(
-        made_run(), silent
+        made_run(), SILENT
     )
-
-    def as_documented(run: Run) -> None:
-        run.values["ticks/model_age_ticks"][1000:2900] = np.arange(1900) + 30
-        fade = np.clip(1.0 - (np.arange(1900) + 30 - VALID_TICKS) / rules.FADE_TICKS, 0.0, 1.0)
-        run.values["ticks/force_N"][1000:2900, 2] = -2.0 * fade
-        run.values["ticks/force_N"][2900:, 2] = -0.5
-        for name in ("ticks/enabled", "ticks/setpoint_A"):
-            run.values[name][2400:2900] = 0
-        run.values["ticks/mode"][2400:2900] = 6
-
-    result = judge(silent, made_run(), made_run(change=as_documented), VALID_TICKS)
+    result = judge(SILENT, made_run(), made_run(change=silence), VALID_TICKS)
     assert result.broken == ()
     assert (result.numbers["force_gone_ticks"], result.numbers["outputs_off_ticks"]) == (370, 1400)
+
+
+def test_under_silence_force_and_outputs_must_stay_gone():
+    def force_back(run: Run) -> None:
+        silence(run)
+        swell(run, 1600, 2300, 2.0)
+
+    assert broken(made_run(change=force_back), SILENT) == "force gone after 1249 ticks: must be at most 400"
+
+    def damped(run: Run) -> None:  # the damper's force is no model's
+        silence(run)
+        swell(run, 1600, 2300, rules.DAMPING_FORCE_N)
+
+    assert broken(made_run(change=damped), SILENT) == ""
+
+    def on_again(run: Run, end: int = 2600) -> None:
+        silence(run)
+        run.values["ticks/enabled"][2500:end] = 1
+
+    assert broken(made_run(change=on_again), SILENT) == "outputs off after 1600 ticks: must be at most 1500"
+    assert "outputs off after None ticks" in broken(made_run(change=lambda run: on_again(run, 2900)), SILENT)
+
+
+def test_of_refused_models_the_force_must_stay_gone():
+    def force_back(run: Run) -> None:
+        refusal(run)
+        swell(run, 1500, 1900, 1.9)
+
+    assert broken(made_run(change=force_back), REFUSED) == "force gone after 899 ticks: must be at most 400"
+
+
+def test_a_host_that_is_heard_is_not_damped():
+    """Where nothing is felt without the fault, the damper's newton is allowed to a silent link alone, and no slack on top of it."""
+    good = made_run()
+    good.values["ticks/force_N"][:] = 0.0
+
+    def run_of(most_N: float) -> Run:
+        run = made_run(change=silence)
+        run.values["ticks/force_N"][:] = 0.0
+        swell(run, 1600, 2300, most_N)
+        return run
+
+    def said(one: cases.Case, most_N: float) -> str:
+        return "; ".join(judge(one, good, run_of(most_N), VALID_TICKS).broken)
+
+    assert said(SILENT, 0.99) == ""
+    assert "force 0.2 N above what the run without the fault allows" in said(SILENT, 1.2)
+    assert said(replace(SILENT, silent=False), 0.99) == "force 0.49 N above what the run without the fault allows"
 
 
 @pytest.mark.parametrize(
     ("removed", "lost", "loss", "good"),
     [
         (10, 10, cases.EXACT, True),
-        (10, 6, cases.EXACT, True),
-        (10, 5, cases.EXACT, False),
+        (10, 9, cases.EXACT, False),
         (10, 11, cases.EXACT, False),
-        (10, 11, cases.MORE, True),
-        (10, 5, cases.MORE, False),
+        (4, 0, cases.EXACT, False),
+        (0, 9999, cases.EXACT, False),
         (74, 10, cases.MODULO, True),
-        (76, 8, cases.MODULO, True),
         (74, 42, cases.MODULO, True),
-        (74, 9, cases.EXACT, False),
+        (74, 74, cases.MODULO, True),
+        (76, 8, cases.MODULO, False),
         (79, 10, cases.MODULO, False),
         (74, 106, cases.MODULO, False),
         (64, 0, cases.MODULO, False),
@@ -140,6 +209,31 @@ def test_silence_must_end_the_force_and_the_outputs_in_time():
 def test_losses_must_show(removed, lost, loss, good):
     ways = {"removed": dict.fromkeys(("down", "up"), removed), "counters": dict.fromkeys(("frames_lost_down", "frames_lost_up"), lost)}
     assert (broken(replace(made_run(), **ways), case(loss=loss)) == "") is good
+    # Whatever it ends in.
+    assert ("frames_lost" not in broken(replace(made_run(), **ways), case(loss=loss, ends_mode="fault"))) is good
+
+
+def test_what_a_full_queue_drops_must_show_but_for_the_last_of_a_flood():
+    def said(dropped: int, lost: int, one: cases.Case) -> str:
+        counters = {"frames_lost_down": lost, "frames_lost_up": 0}
+        return broken(replace(made_run(), dropped={"down": dropped, "up": 0}, counters=counters), one)
+
+    assert said(100, 99, case()) == "frames_lost_down = 99: 100 were removed"
+    assert said(100, 100 - cases.MOST_FLOOD, case(unseen=cases.MOST_FLOOD)) == ""
+    assert "35: 100 were removed" in said(100, 99 - cases.MOST_FLOOD, case(unseen=cases.MOST_FLOOD))
+    assert "101: 100 were removed" in said(100, 101, case(unseen=cases.MOST_FLOOD))
+    assert "1: 0 were removed" in said(0, 1, case(unseen=cases.MOST_FLOOD))
+    source = (ROOT / "host/session/troubled_link.cpp").read_text("utf-8")
+    assert re.findall(r"kMostFlood = (\d+);", source) == [str(cases.MOST_FLOOD)]
+
+
+def test_models_that_another_hosts_displace_must_show():
+    def said(lost: int) -> str:
+        counters = {"frames_lost_down": lost, "frames_lost_up": 0, "models_sent": 9, "models_taken": 5, "models_refused": 1}
+        return broken(replace(made_run(), counters=counters), case(displaces=True))
+
+    assert said(3) == ""
+    assert "2: 3 were removed" in said(2) and "4: 3 were removed" in said(4)
 
 
 def test_bits_that_flip_must_have_flipped():
@@ -185,20 +279,19 @@ def test_a_board_that_starts_again_is_off_in_its_first_tick_and_found_by_the_hos
 
 
 def test_models_that_the_board_must_refuse_are_refused_and_fade():
-    other = case(refused=True, first_s=1.0, end_s=2.0)
-
-    def refuse(run: Run, missed: int) -> None:
-        sent = run.values["updates/sent_tick"]
-        run.values["updates/status"][(sent >= 1000 + missed) & (sent < 2000)] = rules.SCHEMA_MISMATCH
-        run.values["ticks/model_age_ticks"][1000:2000] = np.arange(1000) + 30
-        fade = np.clip(1.0 - (np.arange(1000) + 30 - VALID_TICKS) / rules.FADE_TICKS, 0.0, 1.0)
-        run.values["ticks/force_N"][1000:2000, 2] = -2.0 * fade
-        run.values["ticks/force_N"][2000:, 2] = -0.5
-
-    result = judge(other, made_run(), made_run(change=lambda run: refuse(run, 0)), VALID_TICKS)
+    result = judge(REFUSED, made_run(), made_run(change=refusal), VALID_TICKS)
     assert result.broken == () and result.numbers["refused_models"] == 33 and result.numbers["outputs_off_ticks"] is None
-    assert "32 of 33 models of another schema were refused" in broken(made_run(change=lambda run: refuse(run, 20)), other)
-    assert "0 of 33 models" in broken(made_run(), other)
+    assert "32 of 33 models of another schema were refused" in broken(made_run(change=lambda run: refusal(run, 20)), REFUSED)
+    assert "0 of 33 models" in broken(made_run(), REFUSED)
+
+
+def test_the_picture_gives_each_case_its_own_limit():
+    stiff = made_run()
+    stiff.values["ticks/force_N"][1200:, 2] -= 0.4  # changes by 0.4 N in a tick
+    results = [judge(case(), good, good, VALID_TICKS) for good in (made_run(), stiff)]
+    (axes,) = (one for one in picture.cases_figure(results).axes if "largest change" in one.get_xlabel())
+    drawn_N = [[float(line[0, 0]) for line in lines.get_segments()] for lines in axes.collections]
+    np.testing.assert_allclose(drawn_N, [[0.0, 0.4], [rules.FORCE_STEP_N, rules.FORCE_STEP_N + 0.4]], atol=1e-6)
 
 
 def test_limits_are_those_of_the_firmware():

@@ -43,8 +43,9 @@ def _run(core: Any, case: Case | None, board: str, medium: str, body: dict[str, 
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
     done = experiment.run_firmware(core, scene, scene.to_dict(), scene.require_path().position_m[0], experiment.no_progress)
     removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
-    counted = (int(done.link[name]) for name in ("board_restarts", "attempts_failed", "bus_offs"))
-    return Run(done.values, done.counters, removed, *counted), scene.sections.model.valid_ticks
+    dropped = {way: int(done.link[way]["submissions_dropped"]) for way in ("down", "up")}
+    restarts, sent_again, bus_offs = (int(done.link[name]) for name in ("board_restarts", "attempts_failed", "bus_offs"))
+    return Run(done.values, done.counters, removed, restarts, dropped, sent_again, bus_offs), scene.sections.model.valid_ticks
 
 
 def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progress: Progress) -> tuple[Run, list[Result], int]:
@@ -78,7 +79,7 @@ def to_dict(good: Run, results: Sequence[Result], valid_ticks: int, board: str, 
         "margins": [asdict(margin) for margin in smallest_margins(results, valid_ticks)],
         "cases": [
             {
-                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss")},
+                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss", "unseen", "displaces")},
                 **result.numbers,
                 "broken": list(result.broken),
             }
@@ -100,7 +101,7 @@ def bench_faults(
     values = to_dict(good, results, valid_ticks, board, medium, quick)
     out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
-    picture.draw(results, values["fault_free"], out / PICTURE)
+    picture.draw(results, out / PICTURE)
     picture.draw_forces(results, out / FORCES)
     report.write_report(out / REPORT, values, (out / PICTURE, out / FORCES))
     return {**values, "files": {name: str(out / name) for name in FILES}}, results

@@ -16,8 +16,13 @@ _ROW_IN = 0.2
 _ROOM = 1.15
 
 
-def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> None:
-    """A row a case. results: not empty. fault_free: as in faults.json."""
+def draw(results: Sequence[Result], file: Path) -> None:
+    """A row a case. results: not empty."""
+    plot.save(cases_figure(results), file)
+
+
+def cases_figure(results: Sequence[Result]) -> Figure:
+    """What `draw` saves."""
     figure = Figure(figsize=(10.0, 1.3 + _ROW_IN * len(results)), layout="constrained")
     times, steps, bounds = figure.subplots(1, 3, sharey=True)
     rows = np.arange(len(results))
@@ -33,11 +38,12 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     times.set_xlabel("after the fault begins [ms]")
     times.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
-    limit_N = fault_free["step_N"] + FORCE_STEP_N
+    # Each row has its own: a case with another body is held against a run of that one.
+    limits_N = np.array([result.numbers["step_limit_N"] for result in results])
     bars(steps, "step_N", 0.7, 0.0, color=colours)
-    steps.axvline(fault_free["step_N"], color=plot.GREEN, linewidth=1.0)
-    steps.axvline(limit_N, color=plot.RED, linewidth=1.0)
-    steps.set_xlim(0.0, _ROOM * limit_N)
+    steps.vlines(limits_N - FORCE_STEP_N, rows - 0.5, rows + 0.5, color=plot.GREEN, linewidth=1.0)
+    steps.vlines(limits_N, rows - 0.5, rows + 0.5, color=plot.RED, linewidth=1.0)
+    steps.set_xlim(0.0, _ROOM * limits_N.max())
     steps.set_xlabel("largest change in a tick [N]\ngreen: without faults, red: limit")
 
     bars(bounds, "rise_N", 0.38, -0.2, color="#b8b8b8", label="above the same tick without the fault")
@@ -51,7 +57,7 @@ def draw(results: Sequence[Result], fault_free: dict[str, Any], file: Path) -> N
     for axes in (times, steps, bounds):
         axes.grid(axis="x", linewidth=0.4)
         axes.set_axisbelow(True)
-    plot.save(figure, file)
+    return figure
 
 
 def draw_forces(results: Sequence[Result], file: Path) -> None:
