@@ -349,12 +349,12 @@ def test_the_short_matrix_on_a_can_bus_breaks_no_rule(tmp_path):
     assert numbers["flip 10 %"]["sent_again"] > 100 and numbers["babbling node 2 s, peak"]["outputs_off_ticks"] is not None
 
 
-def test_the_short_matrix_breaks_no_rule(tmp_path):
-    """The gate: runs the firmware as a Linux process through what stands for the whole matrix."""
-    done = palpate("bench", "faults", "--quick", "--out", str(tmp_path / "out"), "--json")
+def test_the_matrix_breaks_no_rule(tmp_path):
+    """The gate: runs the firmware as a Linux process (and once in QEMU) through the whole matrix of a serial line."""
+    done = palpate("bench", "faults", "--out", str(tmp_path / "out"), "--json", timeout_s=500.0)
     assert done.returncode == 0, done.stderr
     values = json.loads(done.stdout)
-    assert values["passed"] and len(values["cases"]) == sum(one.quick for one in cases.all_cases())
+    assert values["passed"] and len(values["cases"]) == len(cases.all_cases())
     kept = json.loads(Path(values["files"]["faults.json"]).read_text("utf-8"))
     assert kept == {key: value for key, value in values.items() if key != "files"}
     for name in ("faults.png", "forces.png"):
@@ -370,3 +370,4 @@ def test_the_short_matrix_breaks_no_rule(tmp_path):
     # What is removed is there to be removed, or the rules hold for nothing.
     lossy = {one["name"]: one["removed_down"] + one["removed_up"] for one in values["cases"]}
     assert lossy["drop 50 %"] > 500 and lossy["flip 25 %"] > 200 and lossy["unplugged 2 s, peak"] > 400
+    assert lossy["truncate 25 %"] > 200 and lossy["flood 1.5 of the link"] > 30_000
