@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -92,12 +92,18 @@ def run_firmware(core: Any, scene: Scene, given: dict[str, Any], start_m: NDArra
     if scene.sections.reference.enabled:
         started_s = time.monotonic()
         with progress("reference", "tick") as bar, _naming(scene, "reference"):
-            time_s = np.asarray(results["ticks/tick"], dtype=np.float64) * _TICK_S
-            tip_m = np.asarray(results["ticks/tip_m"], dtype=np.float64)
-            results.update(core.reference(given, time_s, tip_m, bar))
+            results.update(follow(core, given, results, bar))
         wall_clock_s["reference_s"] = round(time.monotonic() - started_s, 3)
     values = record.conform(record_layout.RUN, results)
     return LoopRun(values, counters, console, basis_problem, wall_clock_s, link)
+
+
+def follow(core: Any, given: dict[str, Any], values: Mapping[str, Any], bar: Callable[[int, int], bool]) -> dict[str, NDArray[Any]]:
+    """The full body along the tip's way in a run: datasets of /reference. given: `Scene.to_dict`."""
+    time_s = np.asarray(values["ticks/tick"], dtype=np.float64) * _TICK_S
+    tip_m = np.asarray(values["ticks/tip_m"], dtype=np.float64)
+    datasets: dict[str, NDArray[Any]] = core.reference(given, time_s, tip_m, bar)
+    return datasets
 
 
 def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:

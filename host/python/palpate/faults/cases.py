@@ -33,8 +33,9 @@ class Case:
     models do, and the board takes none of them. restarts: of the board, that the host must find.
     loss: how frames that were removed show as lost: each one (EXACT) or, on CAN, whose transfers have numbers of 5 bits, all but so
     many times 32 (MODULO). unseen: so many of those that a full queue has dropped need not, for nothing of their sender comes after them.
+    rare: frames of ports on which nothing comes regularly (commands, pieces of bases, requests for traces), of which the last need not show either.
     displaces: on classic CAN the board has room for one model at a time, so that another host's take the place of ours, and each of ours
-    that is not answered is lost. body: keys of another one, which has a run without faults of its own. duration_s: of the run. board: the only
+    that is not answered is lost.  duration_s: of the run. board: the only
     one that can show it; the firmware gives the same record on all.
     """
 
@@ -51,8 +52,8 @@ class Case:
     restarts: int = 0
     loss: str = EXACT
     unseen: int = 0
+    rare: int = 0
     displaces: bool = False
-    body: dict[str, Any] = field(default_factory=dict)
     duration_s: float | None = None
     board: str | None = None
     quick: bool = False
@@ -125,19 +126,8 @@ def all_cases(medium: str = "uart") -> tuple[Case, ...]:
     return serial_cases() if medium == "uart" else can_cases()
 
 
-# At which the path's peak is 8.15 N, near to the 8.5 N that the device has.
-STIFF_BODY = {"body.stiffness_N_m": 168.0}
-_AT_8_N = ("jitter 30 ms", "unplugged 2 s, peak", "other schema 2 s, peak", "over-speed, peak", "board reset, peak", "emergency stop, peak")
-
-
 def serial_cases() -> tuple[Case, ...]:
-    """The whole matrix, and some of it once more with a stiffer body."""
-    cases = _cases_of_the_scene()
-    again = (replace(case, name=f"{case.name}, 8 N", group="peak of 8 N", body=STIFF_BODY, quick=False) for case in cases if case.name in _AT_8_N)
-    return (*cases, *again)
-
-
-def _cases_of_the_scene() -> tuple[Case, ...]:
+    """The whole matrix."""
     peak_s = PHASES_S["peak"]
     peak_tick = round(peak_s * 1000)
     lost_s = 11.5  # silence that latches, and time to see that it stays so
@@ -148,7 +138,7 @@ def _cases_of_the_scene() -> tuple[Case, ...]:
         *(_random("reorder", percent) for percent in (10, 50)),
         *(_random("duplicate", percent) for percent in (10, 50)),
         *(_random("flip", percent, quick=percent == 25) for percent in (5, 25)),
-        *(_random("truncate", percent) for percent in (5, 25)),
+        *(replace(_random("truncate", percent), rare=1) for percent in (5, 25)),
         *(_flood(load) for load in (0.5, 0.9, 1.5)),
         replace(_second_host(), quick=True),
         *(

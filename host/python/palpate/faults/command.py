@@ -11,7 +11,7 @@ from palpate.experiment import Progress, refuse_foreign_files
 from palpate.faults import picture, report
 from palpate.faults.cases import MEDIA, Case, all_cases, chosen
 from palpate.faults.margins import smallest_margins
-from palpate.faults.rules import Result, Run, judge
+from palpate.faults.rules import Result, Run, has_more_force, judge
 from palpate.paths import SCENES
 from palpate.scene import SceneError, load_scene
 
@@ -35,9 +35,9 @@ def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tu
     return chosen(names, quick, medium)
 
 
-def _run(core: Any, case: Case | None, board: str, medium: str, body: dict[str, Any] | None = None) -> tuple[Run, int]:
-    """A run, and the models' horizon in ticks."""
-    overrides: dict[str, Any] = {**MEDIA[medium], **(body or {}), **(case.keys if case else {})}
+def _run(core: Any, case: Case | None, board: str, medium: str, good: Run | None = None) -> tuple[Run, int]:
+    """A run, and the models' horizon in ticks. good: the run without faults; where this one has more force, the full body follows it."""
+    overrides: dict[str, Any] = {**MEDIA[medium], **(case.keys if case else {})}
     if case and case.duration_s is not None:
         overrides["duration_s"] = case.duration_s
     scene = load_scene(SCENE, overrides, case.board if case and case.board else board)
@@ -45,7 +45,10 @@ def _run(core: Any, case: Case | None, board: str, medium: str, body: dict[str, 
     removed = {way: int(done.link[f"frames_removed_{way}"]) for way in ("down", "up")}
     dropped = {way: int(done.link[way]["submissions_dropped"]) for way in ("down", "up")}
     restarts, sent_again, bus_offs = (int(done.link[name]) for name in ("board_restarts", "attempts_failed", "bus_offs"))
-    return Run(done.values, done.counters, removed, restarts, dropped, sent_again, bus_offs), scene.sections.model.valid_ticks
+    run = Run(done.values, done.counters, removed, restarts, dropped, sent_again, bus_offs)
+    if good is not None and has_more_force(good, run):
+        run.values.update(experiment.follow(core, scene.to_dict(), done.values, lambda done, total: True))
+    return run, scene.sections.model.valid_ticks
 
 
 def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progress: Progress) -> tuple[Run, list[Result], int]:
@@ -53,13 +56,9 @@ def run_matrix(core: Any, cases: Sequence[Case], board: str, medium: str, progre
     results = []
     with progress(f"fault matrix on {board}, {medium}", "run") as bar:
         good, valid_ticks = _run(core, None, board, medium)
-        of_body = {json.dumps({}): good}
         bar(1, len(cases) + 1)
         for i, case in enumerate(cases):
-            name = json.dumps(case.body)
-            if name not in of_body:
-                of_body[name] = _run(core, None, board, medium, case.body)[0]
-            results.append(judge(case, of_body[name], _run(core, case, board, medium, case.body)[0], valid_ticks))
+            results.append(judge(case, good, _run(core, case, board, medium, good)[0], valid_ticks))
             bar(i + 2, len(cases) + 1)
     return good, results, valid_ticks
 
@@ -79,7 +78,7 @@ def to_dict(good: Run, results: Sequence[Result], valid_ticks: int, board: str, 
         "margins": [asdict(margin) for margin in smallest_margins(results, valid_ticks)],
         "cases": [
             {
-                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss", "unseen", "displaces")},
+                **{key: value for key, value in asdict(result.case).items() if key not in ("quick", "duration_s", "loss", "unseen", "rare", "displaces")},
                 **result.numbers,
                 "broken": list(result.broken),
             }

@@ -53,7 +53,7 @@ def smallest_margins(results: Sequence[Result], valid_ticks: int) -> list[Margin
     add(2, "change of force in a tick", "N", "step_limit_N", number("step_N"))
     add(2, "from the fault that cuts to outputs off, of one that lasts a tick", "ms", 0.0,
         of("outputs_off_ticks", lambda result: result.case.kind == CUT and result.case.first_s == result.case.end_s))  # fmt: skip
-    add(3, "force above what is allowed at that depth", "N", 0.0, number("excess_N"))
+    add(3, "force above that of the body, or of the same tick without the fault, and 0.5 N", "N", 0.0, number("excess_N"))
     gone = valid_ticks + FADE_TICKS
     add(4, "from the last model to no force of it", "ms", gone,
         of("force_gone_ticks", lambda result: result.case.silent or result.case.refused))  # fmt: skip
