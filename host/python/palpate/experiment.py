@@ -33,9 +33,15 @@ class Progress(Protocol):
     def __call__(self, label: str, unit: str) -> AbstractContextManager[ProgressBar]: ...
 
 
-def refuse_foreign_files(out: Path, own: Collection[str], command: str) -> None:
-    """Raises SceneError where the folder `out` is there and holds other files than `own`."""
-    for entry in sorted(out.iterdir()) if out.exists() else ():
+def take_folder(out: Path, own: Collection[str], command: str) -> None:
+    """Makes the folder `out`, before anything is computed for it. Raises SceneError where that cannot be, or where it holds other
+    files than `own`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        entries = sorted(out.iterdir())
+    except OSError as error:
+        raise SceneError(f"--out = {out}: {error.strerror}: must be a folder that can be made or written") from None
+    for entry in entries:
         if entry.name not in own:
             raise SceneError(f"--out = {out}: holds {entry.name}, which {command} does not write; choose another")
 

@@ -100,6 +100,7 @@ TESTED = {
     "cmake --install build/host --component device --prefix PREFIX": (
         "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it"
     ),
+    "cmake --build --preset host --target example_wall": "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it",
     "cmake --build --preset host --target palpate_device": (
         "hil_tests/test_device_api.py::test_it_installs_and_a_program_builds_against_it"
     ),
@@ -150,7 +151,7 @@ TESTED = {
         "host/python/tests/test_reduce_command.py::test_a_homogeneous_body_is_local_and_the_others_are_not"
     ),
     "./run bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
-    "./run bench faults --only unplugged drop --json": "host/python/tests/test_faults.py::test_the_short_matrix_breaks_no_rule",
+    "./run bench faults --only unplugged drop --json": "host/python/tests/test_faults.py::test_the_matrix_breaks_no_rule",
     "./run bench frontier --quick": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
     "./run bench links": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",
     "./run bench links --quick": "host/python/tests/test_link_bench.py::test_no_medium_carries_more_than_it_can",

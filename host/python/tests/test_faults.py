@@ -326,6 +326,15 @@ def test_limits_are_those_of_the_firmware():
     assert rules.SILENT_TICKS > 2 * rules.SIGN_TICKS + 30
 
 
+def test_a_folder_that_cannot_be_written_is_told_before_anything_runs(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SceneError, match="--out = .*/file/out: Not a directory: must be a folder that can be made or written"):
+        command.check_folder(tmp_path / "file/out")
+    (tmp_path / "notes.txt").write_text("")
+    with pytest.raises(SceneError, match="holds file, which palpate bench faults does not write"):
+        command.check_folder(tmp_path)
+
+
 def test_names_of_cases_are_unique_and_wrong_ones_are_told():
     for medium in cases.MEDIA:
         names = [one.name for one in cases.all_cases(medium)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import __version__, experiment
-from palpate.experiment import Progress, refuse_foreign_files
+from palpate.experiment import Progress, take_folder
 from palpate.faults import picture, report
 from palpate.faults.cases import MEDIA, Case, all_cases, chosen
 from palpate.faults.margins import smallest_margins
@@ -20,8 +20,8 @@ RESULTS, PICTURE, FORCES, REPORT = FILES = ("faults.json", "faults.png", "forces
 
 
 def check_folder(out: Path) -> None:
-    """Raises SceneError where `out` holds what this command does not write."""
-    refuse_foreign_files(out, FILES, "palpate bench faults")
+    """Makes it. Raises SceneError where that cannot be, or where it holds what this command does not write."""
+    take_folder(out, FILES, "palpate bench faults")
 
 
 def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tuple[Case, ...]:
@@ -98,7 +98,6 @@ def bench_faults(
     cases = choose(names, quick, medium)
     good, results, valid_ticks = run_matrix(core, cases, board, medium, progress)
     values = to_dict(good, results, valid_ticks, board, medium, quick)
-    out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     picture.draw(results, out / PICTURE)
     picture.draw_forces(results, out / FORCES)

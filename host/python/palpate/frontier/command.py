@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from palpate.experiment import take_folder
 from palpate.frontier import pictures, results
 from palpate.frontier.bench import KEPT_REFERENCES, RUNS, Measured, OpenBar, program_version, run_points
 from palpate.frontier.points import BUILDERS, EXPERIMENTS, SWEEPS, all_points
 from palpate.frontier.ram import ram_of
-from palpate.scene import SceneError
 
 BOARD = "mps2_an386"
 RESULTS = "frontier.json"
@@ -16,12 +16,8 @@ _OURS = (RUNS, KEPT_REFERENCES, RESULTS)
 
 
 def check_folder(out: Path) -> None:
-    """Raises SceneError where `out` holds what this command does not write."""
-    if not out.exists():
-        return
-    for entry in sorted(out.iterdir()):
-        if entry.name not in _OURS and not (entry.name.startswith("frontier_") and entry.suffix == ".png"):
-            raise SceneError(f"--out = {out}: holds {entry.name}, which palpate bench frontier does not write; choose another")
+    """Makes it. Raises SceneError where that cannot be, or where it holds what this command does not write."""
+    take_folder(out, {*_OURS, *(file.name for file in out.glob("frontier_*.png"))}, "palpate bench frontier")
 
 
 def bench_frontier(core: Any, quick: bool, out: Path, progress: OpenBar) -> tuple[dict[str, Any], list[Measured]]:

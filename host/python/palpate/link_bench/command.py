@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.experiment import Progress, ProgressBar, refuse_foreign_files
+from palpate.experiment import Progress, ProgressBar, take_folder
 from palpate.link_bench import costs, pictures, runs
 from palpate.link_bench.runs import LinkRun
 from palpate.paths import SCENES
@@ -27,8 +27,8 @@ _MOST_RUNS = 8
 
 
 def check_folder(out: Path) -> None:
-    """Raises SceneError where `out` holds what this command does not write."""
-    refuse_foreign_files(out, (RESULTS, PICTURE), "palpate bench links")
+    """Makes it. Raises SceneError where that cannot be, or where it holds what this command does not write."""
+    take_folder(out, (RESULTS, PICTURE), "palpate bench links")
 
 
 def bench_links(core: Any, quick: bool, out: Path, progress: Progress) -> dict[str, Any]:
@@ -53,7 +53,6 @@ def bench_links(core: Any, quick: bool, out: Path, progress: Progress) -> dict[s
         "host": costs.host_costs(core),
         "board": costs.board_costs(core),
     }
-    out.mkdir(parents=True, exist_ok=True)
     (out / RESULTS).write_text(json.dumps(values, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     pictures.draw_latencies([one for one in usual if one.model == "hybrid"], out / PICTURE)
     return {**values, "files": {name: str(out / name) for name in (RESULTS, PICTURE)}}
