@@ -31,6 +31,10 @@ void TransferMonitor::take_late(Entry& entry, unsigned back) {
   ++late_;
 }
 
+void TransferMonitor::forget(std::uint16_t source) {
+  for (Entry& entry : entries_) entry.used = entry.used && entry.source != source;
+}
+
 TransferKind TransferMonitor::observe(const FrameHeader& header, std::uint32_t now_tick) {
   // The port's; else a free one if there is one, otherwise the one silent longest.
   Entry* place = &entries_[0];
@@ -47,10 +51,11 @@ TransferKind TransferMonitor::observe(const FrameHeader& header, std::uint32_t n
     }
     if (place->used && now_tick - entry.last_tick > now_tick - place->last_tick) place = &entry;
   }
+  const std::uint64_t back = (place->last_id - header.transfer_id) & id_mask_;
+  const bool in_time = now_tick - place->last_tick < kTransferIdTimeout_ticks;
   if (known) {
     const std::uint64_t step = (header.transfer_id - place->last_id) & id_mask_;
-    const std::uint64_t back = (place->last_id - header.transfer_id) & id_mask_;
-    if (back < window_ && now_tick - place->last_tick < kTransferIdTimeout_ticks) {
+    if (back < window_ && in_time) {
       const auto before = static_cast<unsigned>(back);
       if ((unsigned{place->seen} >> before & 1u) == 0) {
         take_late(*place, before);
@@ -67,7 +72,9 @@ TransferKind TransferMonitor::observe(const FrameHeader& header, std::uint32_t n
       return TransferKind::fresh;
     }
   }
-  // A port that is new, or a peer that started again.
+  // A port that is new, or a peer that started again: then all of its ports begin anew. A number of before
+  // that comes after the timeout says so of its own port only.
+  if (known && (back >= window_ || in_time)) forget(header.source);
   *place = {.used = true,
             .source = header.source,
             .specifier = header.specifier,

@@ -42,8 +42,9 @@ class TransferMonitor {
 
   // Classifies a received frame and counts the transfers of its source and specifier that are missing before
   // it; one that comes late, by less than kTransferWindow, is fresh and no longer lost. A step back beyond
-  // that is a peer that started again: fresh, nothing lost. `now_tick` may wrap. Any context, one owner. At
-  // most kMonitoredPorts comparisons.
+  // that is a peer that started again: fresh, nothing lost, and so on all of its ports, of which those with
+  // few transfers could not tell. `now_tick` may wrap. Any context, one owner. At most 2 kMonitoredPorts
+  // comparisons.
   TransferKind observe(const FrameHeader& header, std::uint32_t now_tick);
   // Missing until now; one that comes late is taken off again.
   [[nodiscard]] std::uint32_t lost() const { return lost_; }
@@ -66,6 +67,7 @@ class TransferMonitor {
   void advance(Entry& entry, std::uint64_t step);
   static bool begins_again(Entry& entry, unsigned back);
   void take_late(Entry& entry, unsigned back);
+  void forget(std::uint16_t source);
 
   std::uint64_t id_mask_;
   unsigned window_;

@@ -107,6 +107,33 @@ TEST(TransferMonitor, PeerThatStartsAgainWithinItsFirstTransfersIsTakenAfterAFew
   EXPECT_EQ(monitor.late(), 0u);
 }
 
+// A board that starts again says so by its traces, which are many, before it reports its first model.
+TEST(TransferMonitor, PeerThatStartsAgainOnOnePortDoesOnAll) {
+  constexpr std::uint16_t kTraces = 1600, kReports = 1602, kOther = 11;
+  TransferMonitor monitor;
+  for (std::uint64_t id = 0; id < 100; ++id) (void)monitor.observe(transfer(id, kTraces), 0);
+  for (std::uint64_t id = 0; id < 4; ++id) {
+    (void)monitor.observe(transfer(id, kReports), 0);
+    (void)monitor.observe(transfer(id, kReports, kOther), 0);
+  }
+  EXPECT_EQ(monitor.observe(transfer(0, kReports), 100), TransferKind::repeat);
+  EXPECT_EQ(monitor.observe(transfer(0, kTraces), 100), TransferKind::fresh);
+  for (std::uint64_t id = 0; id < 4; ++id)
+    EXPECT_EQ(monitor.observe(transfer(id, kReports), 100), TransferKind::fresh);
+  EXPECT_EQ(monitor.observe(transfer(0, kReports, kOther), 100), TransferKind::repeat);  // it has not
+  EXPECT_EQ(monitor.lost(), 0u);
+}
+
+// Its port alone: what others have sent meanwhile is not forgotten.
+TEST(TransferMonitor, NumberOfBeforeAfterTheTimeoutSaysNothingOfOtherPorts) {
+  constexpr std::uint16_t kStatus = 1601, kCommand = 300;
+  TransferMonitor monitor;
+  (void)monitor.observe(transfer(5, kCommand), 0);
+  (void)monitor.observe(transfer(7, kStatus), kTransferIdTimeout_ticks);
+  EXPECT_EQ(monitor.observe(transfer(5, kCommand), kTransferIdTimeout_ticks), TransferKind::fresh);
+  EXPECT_EQ(monitor.observe(transfer(7, kStatus), kTransferIdTimeout_ticks), TransferKind::repeat);
+}
+
 TEST(TransferMonitor, NothingIsLateAfterTheTimeout) {
   TransferMonitor monitor;
   (void)monitor.observe(transfer(10), 0);
