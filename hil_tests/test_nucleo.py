@@ -17,6 +17,7 @@ pytest.importorskip("unicorn", reason="Unicorn is not installed: ./run does it")
 pytestmark = pytest.mark.skipif(not NUCLEO_IMAGE.exists(), reason="the image for nucleo_g474re is not built: ./run does it")
 
 from palpate.machine.clock import BROWN_OUT_RESET, PIN_RESET, SOFTWARE_RESET, WATCHDOG_RESET
+from palpate.machine.gpio import ALTERNATE, ANALOG
 from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
 from palpate.machine.stm32g474 import CLOCK_Hz, Image
 
@@ -110,6 +111,37 @@ def test_encoders_count_beyond_16_bits_both_ways(board, joint):
         tip.append(board.chip.core.load(board.chip.image.symbols["palpate_last_tick_report"] + 8, 12))
     # Back where it was, the tip is, too: no wrap was lost.
     assert tip[-1] == tip[0] != tip[1]
+
+
+def test_pins_have_the_functions_of_the_wiring(board):
+    """docs/hardware.md, boards/nucleo_g474re/pins.hpp; the serial image."""
+    start(board)
+    gpio = board.chip.gpio
+    for port, pin, function in (("A", 0, 1), ("A", 1, 1), ("B", 10, 1), ("C", 6, 2), ("C", 7, 2), ("C", 8, 2),
+                                ("B", 6, 2), ("B", 7, 2), ("B", 9, 2), ("A", 2, 12), ("A", 3, 12)):
+        assert (gpio[port].mode(pin), gpio[port].alternate(pin)) == (ALTERNATE, function), f"P{port}{pin}"
+    for port, pin in (("A", 4), ("A", 5), ("A", 6), ("C", 0), ("C", 1), ("C", 2)):
+        assert gpio[port].mode(pin) == ANALOG, f"P{port}{pin}"
+    assert gpio["B"].driven(1) is False
+    board.set_emergency_stop(True)  # or a broken wire
+    assert gpio["B"].level(14)
+
+
+@pytest.mark.parametrize(("joint", "timer", "channel"), [(0, "TIM2", 3), (1, "TIM3", 3), (2, "TIM4", 4)])
+def test_the_index_latches_its_count(board, joint, timer, channel):
+    start(board)
+    counts = [0, 0, 0]
+    counts[joint] = -70_000
+    for part in (-30_000, -60_000, -70_000):  # a tick moves by less than half of 16 bits
+        counts[joint] = part
+        board.set_encoders(counts)
+        run_ticks(board, 1)
+    board.chip.timer[timer].index(channel)
+    counts[joint] = -69_000
+    board.set_encoders(counts)
+    run_ticks(board, 1)
+    at = board.chip.image.symbols["palpate_encoder_index"] + 8 * joint
+    assert struct.unpack("<Ii", board.chip.core.load(at, 8)) == (1, -70_000)
 
 
 def test_the_watchdog_bites_when_the_tick_stops(board):

@@ -1,12 +1,15 @@
 """The images for the NUCLEO-G474RE: their budgets, and where they lie in the part. What they do: test_nucleo.py.
 """
 
+import json
 import re
 import struct
 import subprocess
 
 import pytest
 from board_peer import REPOSITORY
+
+from palpate.scene_checks import NUCLEO_BAUD, NUCLEO_MAX_MODES
 
 BOARD = "nucleo_g474re"
 FOLDER = REPOSITORY / "build" / BOARD / "boards" / BOARD
@@ -53,6 +56,13 @@ def test_interrupts_of_one_priority_do_not_add_up(table: str) -> None:
     assert len(depths) == 5 and "    or dma1_channel2_handler\n" in serial
     deepest = int(re.search(r"deepest stack +([\d,]+)", serial)[1].replace(",", ""))
     assert deepest == sum(depths) + 108 * (len(depths) - 1)
+
+
+def test_scenes_know_its_capacities() -> None:
+    preset = next(one for one in json.loads((REPOSITORY / "CMakePresets.json").read_text())["configurePresets"] if one["name"] == BOARD)
+    assert f"PALPATE_MAX_MODES={NUCLEO_MAX_MODES};" in preset["cacheVariables"]["PALPATE_CAPACITIES"]
+    driver = (REPOSITORY / "boards/stm32g4/lpuart_link.hpp").read_text().replace("'", "")
+    assert re.search(rf"kBaud\w* = {NUCLEO_BAUD};", driver)
 
 
 def test_build_wants_a_board_that_it_knows() -> None:

@@ -12,9 +12,9 @@ from palpate.machine.flash import BASE as FLASH_BASE
 from palpate.machine.lockstep import identity
 from palpate.machine.peripheral import MachineError
 from palpate.machine.stm32g474 import Image
+from palpate.scene_checks import NUCLEO as BOARD  # the only one that is no emulator
 from palpate.scene_schema import SceneError
 
-BOARD = "nucleo_g474re"  # the only one that is no emulator
 LINKS = {"uart": "", "usb": "_usb", "can": "_can_classic", "canfd": "_can_fd"}
 _TIMEOUT_S = 120.0
 

@@ -421,7 +421,7 @@ def _check_link_faults(reader: Reader, way: str, faults: LinkFaults) -> None:
 
 
 def _check_fault_times(reader: Reader, faults: LinkFaults) -> None:
-    for name in ("random", "delay", "unplugged", "host_stopped", "other_schema", "second_host", "flood"):
+    for name in ("random", "delay", "unplugged", "host_stopped", "other_schema", "second_host", "babble", "flood"):
         for i, span in enumerate(getattr(faults, name)):
             if span.to_s <= span.from_s:
                 raise reader.error(

@@ -512,6 +512,10 @@ BAD = {
         GOOD + "[model]\npatch_nodes = [5, 5, 3]",
         "scene.toml: model.patch_nodes = [5, 5, 3]: must be at most 64 nodes in all",
     ),
+    "babbling that ends before it begins": (
+        GOOD + "[link]\nmedium = 'can'\n[link.faults]\nbabble = [{from_s = 0.5, to_s = 0.2}]",
+        "scene.toml: link.faults.babble[0].to_s = 0.2",
+    ),
     "patch that the real part has no room for": (
         GOOD + "[model]\npatch_nodes = [4, 4, 3]\n[link]\nmedium = 'canfd'\n[board]\nname = 'nucleo_g474re'",
         "scene.toml: model.patch_nodes = [4, 4, 3]: must be at most 32 nodes in all where board.name = "

@@ -116,6 +116,10 @@ class Adc(Peripheral):
     def _enabled(self) -> None:
         self.value["ISR"] |= _READY
 
+    def overrun(self) -> None:
+        """Nobody has taken a result before the next one."""
+        self.value["ISR"] |= _OVERRUN
+
     @property
     def trigger(self) -> int | None:
         """EXTSEL of the trigger it waits for; None: none."""

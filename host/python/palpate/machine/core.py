@@ -143,10 +143,10 @@ class Core:
         """Loads and stores of this range go to peripherals."""
 
         def load(_: Any, offset: int, length: int, __: Any) -> int:
-            return self._guarded(lambda: self._at(base + offset).read(self._offset(base + offset), length))
+            return self._guarded(lambda: self.read_register(base + offset, length))
 
         def store(_: Any, offset: int, length: int, value: int, __: Any) -> None:
-            self._guarded(lambda: self._at(base + offset).write(self._offset(base + offset), length, value))
+            self._guarded(lambda: self.write_register(base + offset, value, length))
 
         self._uc.mmio_map(base, size, load, None, store, None)
 
@@ -165,8 +165,15 @@ class Core:
             raise MachineError(f"access to {address:#010x} from {self._counter.address:#010x}: nothing is modelled there")
         return peripheral
 
-    def _offset(self, address: int) -> int:
-        return address - self._pages[address // _PAGE].base
+    def read_register(self, address: int, length: int = 4) -> int:
+        """As the processor loads it. Raises MachineError for what no model knows."""
+        peripheral = self._at(address)
+        return peripheral.read(address - peripheral.base, length)
+
+    def write_register(self, address: int, value: int, length: int = 4) -> None:
+        """As the processor stores it. Raises MachineError for what no model knows."""
+        peripheral = self._at(address)
+        peripheral.write(address - peripheral.base, length, value)
 
     def _guarded(self, action: Callable[[], Any]) -> int:
         # An exception in a callback from C would be lost: kept, and raised by run().

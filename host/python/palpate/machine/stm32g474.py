@@ -205,6 +205,7 @@ class Stm32g474:
         for select, name in _TRIGGERS.items():
             self.timer[name].on_trigger = partial(self._triggered, select)
         self.adc.request_dma = self._adc_to_dma
+        self.usb.has_clock = lambda: self.rcc.usb_ready
         self.lpuart.take_byte = self._lpuart_to_dma
         self.lpuart.give_byte = self._dma_to_lpuart
         self.dma.enabled = lambda channel: self.lpuart.kick()
@@ -217,7 +218,7 @@ class Stm32g474:
     def _adc_to_dma(self) -> None:
         channel = self.dmamux.channel_of(_REQUEST_ADC1)
         if channel is None or not self.dma.to_memory(channel, self.adc.value["DR"]):
-            self.adc.value["ISR"] |= 1 << 4  # overrun
+            self.adc.overrun()
 
     def _lpuart_to_dma(self, byte: int) -> bool:
         channel = self.dmamux.channel_of(_REQUEST_LPUART_RX)

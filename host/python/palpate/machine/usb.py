@@ -5,6 +5,7 @@ on the bus; tokens that come meanwhile wait, as on a bus on which the host waits
 """
 
 from collections import deque
+from collections.abc import Callable
 from functools import partial
 
 from palpate.machine.peripheral import Chip, MachineError, Peripheral
@@ -16,7 +17,7 @@ _EA, _STAT_TX, _DTOG_TX, _CTR_TX = 0xF, 3 << 4, 1 << 6, 1 << 7
 _KIND, _TYPE, _SETUP, _STAT_RX, _DTOG_RX, _CTR_RX = 1 << 8, 3 << 9, 1 << 11, 3 << 12, 1 << 14, 1 << 15
 _TOGGLES = _STAT_TX | _DTOG_TX | _STAT_RX | _DTOG_RX
 _DISABLED, _STALL, _NAK, _VALID = range(4)
-_CONTROL, _BULK = 1, 0
+_CONTROL = 1
 # Of CNTR and ISTR
 _FORCE_RESET, _POWER_DOWN, _RESUME = 1 << 0, 1 << 1, 1 << 4
 _CTR, _WAKEUP, _SUSPEND, _RESET, _SOF = 1 << 15, 1 << 12, 1 << 11, 1 << 10, 1 << 9
@@ -54,7 +55,7 @@ class PacketMemory(Peripheral):
 
 
 class UsbDevice(Peripheral):
-    """`answers` are the records for the far end."""
+    """`answers` are the records for the far end. has_clock: are there 48 MHz?"""
 
     REGISTERS = {f"EP{n}R": (4 * n, 0) for n in range(ENDPOINTS)} | {
         "CNTR": (0x40, _FORCE_RESET | _POWER_DOWN),
@@ -69,6 +70,7 @@ class UsbDevice(Peripheral):
     def __init__(self, chip: Chip, name: str, base: int, memory: PacketMemory, interrupt: int) -> None:
         self._memory, self._interrupt = memory, interrupt
         self.answers = bytearray()
+        self.has_clock: Callable[[], bool] = lambda: True
         self.attached = False
         super().__init__(chip, name, base)
         for n in range(ENDPOINTS):
@@ -116,6 +118,8 @@ class UsbDevice(Peripheral):
         self._request()
 
     def write_BCDR(self, value: int) -> None:
+        if value & _PULL_UP and not self.has_clock():
+            raise MachineError("USB_BCDR: the bus is pulled up without a clock of 48 MHz")
         self.value["BCDR"] = value
         if bool(value & _PULL_UP) != self.attached:
             self.attached = bool(value & _PULL_UP)
