@@ -1,14 +1,19 @@
 // The board as a plain device: forces of a program in place of a model's (Mode::direct).
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "firmware/core/servo.hpp"
 #include "firmware/core/supervisor.hpp"
 #include "firmware/link/endpoint.hpp"
 #include "firmware/test_support.hpp"
 #include "shared/device/actuation.hpp"
+#include "shared/device/arm.hpp"
 
 namespace palpate::firmware {
 namespace {
@@ -99,6 +104,100 @@ TEST(DirectForce, IsNotFeltWhileAModelIsRendered) {
   ASSERT_EQ(board.state.mode, Mode::render);
   board.hold({1.0f, 0.0f, 0.0f}, 200);
   EXPECT_EQ(board.state.force_N, Vec3f{});
+}
+
+// A step of the tip with each force, as the servo tells it: from the tick before to this one.
+void push_along(Armed& board, const Vec3f& force_N, const Vec3f& tip_step_m, std::uint32_t ticks) {
+  board.in.tip_step_m = tip_step_m;
+  board.hold(force_N, ticks);
+}
+
+// The farthest that two places of the arm's workspace are apart, within a step of the joints' grid.
+float workspace_m() {
+  constexpr int kSteps = 12;
+  std::vector<Vec3f> places;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      for (int k = 0; k <= kSteps; ++k) {
+        const std::array<int, 3> at{i, j, k};
+        Vec3f joint_rad{};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const device::Joint& joint = kDevice.joint[axis];
+          joint_rad[axis] =
+              joint.min_rad + (joint.max_rad - joint.min_rad) * static_cast<float>(at[axis]) / kSteps;
+        }
+        const device::Pose pose = device::evaluate(kDevice, joint_rad);
+        if (pose.faults == 0) places.push_back(pose.tip_m);
+      }
+    }
+  }
+  float farthest_m = 0.0f;
+  for (const Vec3f& a : places)
+    for (const Vec3f& b : places) farthest_m = std::max(farthest_m, norm(a - b));
+  return farthest_m;
+}
+
+TEST(DirectForce, AConstantForceOverTheWholeWorkspaceIsAllowed) {
+  const float farthest_m = workspace_m();
+  EXPECT_GT(farthest_m, 0.6f);
+  for (const float speed_m_s : {0.05f, 1.0f}) {
+    Armed board;
+    const auto ticks = static_cast<std::uint32_t>(farthest_m / speed_m_s * 1e3f);
+    for (int stroke = 0; stroke < 10; ++stroke) {
+      push_along(board, {0.0f, 0.0f, 5.0f}, {0.0f, 0.0f, -1e-3f * speed_m_s}, ticks);
+      ASSERT_TRUE(board.last.outputs_on) << speed_m_s << " m/s: " << board.state.energy_J << " J";
+      push_along(board, {0.0f, 0.0f, 5.0f}, {0.0f, 0.0f, 1e-3f * speed_m_s}, ticks);
+      ASSERT_TRUE(board.last.outputs_on) << speed_m_s << " m/s: " << board.state.energy_J << " J";
+    }
+  }
+}
+
+// Strokes of 1 m/s at the most against a wall of 1 kN/m that a program with 20 ms of delay renders, 5 N at
+// most: what the delay creates in each of them leaks away.
+TEST(DirectForce, AStiffWallOfALateProgramIsAllowed) {
+  constexpr float kStiffness_N_m = 1000.0f, kAmplitude_m = 0.1f, kSpeed_m_s = 1.0f;
+  constexpr std::size_t kDelay_ticks = 20;
+  Armed board;
+  std::array<float, kDelay_ticks> asked_N{};
+  float depth_m = 0.0f, most_J = 0.0f;
+  for (std::uint32_t tick = 0; tick < 30'000; ++tick) {
+    const float next_m =
+        kAmplitude_m * std::sin(kSpeed_m_s / kAmplitude_m * 1e-3f * static_cast<float>(tick));
+    float& slot_N = asked_N[tick % kDelay_ticks];
+    push_along(board, {0.0f, 0.0f, slot_N}, {0.0f, 0.0f, next_m - depth_m}, 1);
+    depth_m = next_m;
+    slot_N = std::clamp(kStiffness_N_m * depth_m, 0.0f, board.limits.direct_force_N);
+    most_J = std::max(most_J, board.state.energy_J);
+    ASSERT_TRUE(board.last.outputs_on) << tick << ": " << most_J << " J";
+  }
+  EXPECT_GT(most_J, 0.1f);  // it does create some, and takes back what it stored
+}
+
+TEST(DirectForce, AProgramThatPushesTheHandForEverIsAFault) {
+  // With the velocity, to and fro: as a damper whose sign is wrong. 5 N at 0.5 m/s, 2.5 W.
+  Armed board;
+  board.hold({}, board.limits.soft_start_ticks);
+  std::uint32_t on = 0;
+  for (float sign = 1.0f; board.last.outputs_on; ++on) {
+    ASSERT_LT(on, 10'000u);
+    if (on % 400 == 0) sign = -sign;  // strokes of 20 cm
+    push_along(board, {-5.0f * sign, 0.0f, 0.0f}, {0.5e-3f * sign, 0.0f, 0.0f}, 1);
+  }
+  EXPECT_EQ(board.state.faults, bit(Fault::energy_created));
+  EXPECT_EQ(board.state.force_N, Vec3f{});
+  // Force turns by 0.5 N a tick, within 20 ms: what it would give in them is missing, at the beginning and at
+  // each of five turns at most.
+  const float fill_W = 2.5f - board.limits.energy_leak_W;
+  const float expected_s = board.limits.direct_energy_J / fill_W, turn_s = 0.02f * 2.5f / fill_W;
+  EXPECT_GT(static_cast<float>(on) * 1e-3f, expected_s);
+  EXPECT_LT(static_cast<float>(on) * 1e-3f, expected_s + 6 * turn_s);
+}
+
+TEST(DirectForce, APushOfHalfAWattIsAllowedForEver) {
+  Armed board;
+  push_along(board, {0.0f, -1.0f, 0.0f}, {0.0f, 0.49e-3f, 0.0f}, 20'000);
+  EXPECT_TRUE(board.last.outputs_on);
+  EXPECT_EQ(board.state.faults, 0);
 }
 
 TEST(DirectForce, FadesWhenTheProgramIsLateAndOutputsGoOffWhenItHasGone) {

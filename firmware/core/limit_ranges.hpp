@@ -51,6 +51,7 @@ inline constexpr std::array kNumberRanges{
     LimitRange<float>{"energy_leak_W", &Limits::energy_leak_W, 0.0f, 5.0f},
     LimitRange<float>{"direct_force_N", &Limits::direct_force_N, 0.1f, 40.0f},
     LimitRange<float>{"direct_force_step_N", &Limits::direct_force_step_N, 0.01f, 0.5f},
+    LimitRange<float>{"direct_energy_J", &Limits::direct_energy_J, 0.01f, 30.0f},
     LimitRange<float>{"joint_step_rad", &Limits::joint_step_rad, 0.001f, 0.2f},
     LimitRange<float>{"tip_speed_m_s", &Limits::tip_speed_m_s, 0.1f, 10.0f},
     LimitRange<float>{"over_current_ratio", &Limits::over_current_ratio, 1.0f, 3.0f},

@@ -63,7 +63,8 @@ FaultSet faults_of_rendering(const SupervisorState& state, const SupervisorInput
   if (norm(state.mode == Mode::direct ? in.direct_force_N : in.force_N) > limits.force_fault_N)
     faults |= bit(Fault::force_implausible);
   if (state.missed_deadline_level > limits.missed_deadline_bucket) faults |= bit(Fault::deadline_missed);
-  if (state.energy_J > limits.energy_J) faults |= bit(Fault::energy_created);
+  if (state.energy_J > (state.mode == Mode::direct ? limits.direct_energy_J : limits.energy_J))
+    faults |= bit(Fault::energy_created);
   return faults;
 }
 
@@ -88,7 +89,7 @@ void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const L
 
 // The hand has felt -force_N of the last tick on the way from there.
 void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
-  if (state.mode != Mode::render || !is_finite(in.tip_step_m)) return;
+  if (!outputs_on(state.mode) || !is_finite(in.tip_step_m)) return;
   const float level_J = state.energy_J - dot(state.force_N, in.tip_step_m) -
                         limits.energy_leak_W * kTick_s * static_cast<float>(in.elapsed_ticks);
   state.energy_J = level_J > 0.0f ? level_J : 0.0f;

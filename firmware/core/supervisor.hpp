@@ -48,7 +48,7 @@ enum class Fault : std::uint16_t {
   force_implausible = 1u << 7,  // the model asked for far more than any contact can
   deadline_missed = 1u << 8,    // too many servo ticks came late, while outputs were on
   link_lost = 1u << 9,          // the host that armed has been silent for too long
-  energy_created = 1u << 10,    // the model's force has given the hand more than any body holds
+  energy_created = 1u << 10,    // the force has given the hand more than what it stands for can hold
 };
 
 using FaultSet = std::uint16_t;
@@ -120,6 +120,9 @@ struct Limits {
   // stops a hand, and a wall of 1 kN/m met at 0.5 m/s asks for 0.5 N more in each tick.
   float direct_force_N = 5.0f;
   float direct_force_step_N = 0.5f;
+  // As energy_J, with the same leak. No field of forces that gives back only what it took can give more than
+  // 5 N over the 0.71 m between the farthest places of the arm's workspace: 3.5 J (docs/safety.md).
+  float direct_energy_J = 4.0f;
   // A program at 1 kHz that the operating system delays; then the force fades.
   std::uint32_t direct_hold_ticks = 20;
   std::uint32_t direct_fade_ticks = 50;
