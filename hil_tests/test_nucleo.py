@@ -158,7 +158,7 @@ def test_the_watchdog_bites_when_the_tick_stops(board):
 
 
 def board_timeout_cycles() -> int:
-    """50 ms: boards/stm32g4/watchdog.hpp has less, of a clock that is 5 % slow."""
+    """50 ms: boards/stm32/watchdog.hpp has less, of a clock that is 5 % slow."""
     return CLOCK_Hz // 20
 
 

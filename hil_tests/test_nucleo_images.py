@@ -69,7 +69,7 @@ def test_build_wants_a_board_that_it_knows() -> None:
     for arguments in ((), ("--board",), ("--board", "arduino"), (BOARD,)):
         done = build(*arguments)
         assert done.returncode == 2
-        assert f"wants --board NAME, with NAME one of: mps2_an386, mps2_an500, {BOARD}" in done.stderr
+        assert f"wants --board NAME, with NAME one of: feather_stm32f405, mps2_an386, mps2_an500, {BOARD}" in done.stderr
 
 
 def symbols(image) -> dict[str, tuple[int, str]]:

@@ -1,8 +1,8 @@
 #include "boards/nucleo_g474re/board.hpp"
 
-#include "boards/stm32g4/fail_safe.hpp"
-#include "boards/stm32g4/fault_record.hpp"
-#include "boards/stm32g4/watchdog.hpp"
+#include "boards/cortex_m/fail_safe.hpp"
+#include "boards/cortex_m/fault_record.hpp"
+#include "boards/stm32/watchdog.hpp"
 
 extern "C" {
 [[gnu::used]] palpate::firmware::TickReport palpate_last_tick_report;
@@ -15,9 +15,6 @@ namespace {
 using stm32g4::CurrentSetpoints;
 using stm32g4::PinMode;
 using stm32g4::Pull;
-
-// Ticks after which a start has succeeded.
-constexpr std::uint32_t kStarted_ticks = 1000;
 
 }  // namespace
 
@@ -34,11 +31,12 @@ stm32g4::ClockSource NucleoG474re::begin_pins_and_clock() {
 }
 
 void NucleoG474re::begin() {
+  stm32g4::enable_timebase();
   stm32g4::Timebase::start_clock_count();
   for (const Pin pin : kAnalogPins) stm32g4::set_mode(pin, PinMode::analog);
   CurrentSetpoints::start();
   stm32g4::set_mode(kEmergencyStopPin, PinMode::input, Pull::up);
-  for (const AlternatePin& one : kEncoderPins) stm32g4::set_alternate(one.pin, one.function, Pull::up);
+  for (const AlternatePin& one : kEncoderPins) stm32g4::set_alternate(one, Pull::up);
   stm32g4::Encoders::start();
   stm32g4::CurrentMonitors::start();
   wire_.begin();
@@ -49,21 +47,12 @@ void NucleoG474re::isr_begin_tick(std::uint32_t tick) {
   encoders_.isr_latch(palpate_encoder_index);
   monitors_.isr_latch();
   emergency_stop_open_ = stm32g4::is_high(kEmergencyStopPin);
-  tick_.store(tick, std::memory_order_relaxed);
+  guard_.isr_begin_tick(tick);
 }
 
-// The watchdog is refreshed by a tick that has ended in time, while the background comes round.
 void NucleoG474re::isr_end_tick(const firmware::TickReport& report) {
   palpate_last_tick_report = report;
-  const bool in_time = report.missed_deadlines == missed_deadlines_;
-  missed_deadlines_ = report.missed_deadlines;
-  const std::uint32_t silent_ticks = report.tick - background_tick_.load(std::memory_order_relaxed);
-  if (silent_ticks > kBackgroundPatience_ticks) {
-    stm32g4::record_fault(stm32g4::FaultReason::background_stuck, report.tick);
-  } else if (in_time) {
-    stm32g4::refresh_watchdog();
-  }
-  if (report.tick == kStarted_ticks) stm32g4::note_started();
+  guard_.isr_end_tick(report);
 }
 
 void NucleoG474re::isr_set_currents(const std::array<float, 3>& setpoint_A) {

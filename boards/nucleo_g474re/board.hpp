@@ -6,8 +6,10 @@
 #include <cstdint>
 
 #include "board_wire.hpp"
+#include "boards/cortex_m/idle.hpp"
 #include "boards/nucleo_g474re/calibration.hpp"
 #include "boards/nucleo_g474re/pins.hpp"
+#include "boards/stm32/tick_guard.hpp"
 #include "boards/stm32g4/clock.hpp"
 #include "boards/stm32g4/currents.hpp"
 #include "boards/stm32g4/encoders.hpp"
@@ -21,10 +23,6 @@ extern std::array<palpate::stm32g4::EncoderIndex, 3> palpate_encoder_index;
 }
 
 namespace palpate::board {
-
-// A background that has not come round for so long is stuck: the longest that it takes when it works, models
-// with bases decoded at once, is a few ticks.
-inline constexpr std::uint32_t kBackgroundPatience_ticks = 50;
 
 class NucleoG474re {
  public:
@@ -66,7 +64,7 @@ class NucleoG474re {
   }
   void start_transmit() {
     wire_.start_transmit();
-    background_tick_.store(tick_.load(std::memory_order_relaxed), std::memory_order_relaxed);
+    guard_.note_background();
   }
 
  private:
@@ -77,22 +75,16 @@ class NucleoG474re {
   stm32g4::CurrentMonitors monitors_;
   BoardWire wire_;
 
+  stm32g4::TickGuard guard_;
   std::array<float, 3> setpoint_A_{};
   std::atomic<bool> enabled_{false};  // written by the interrupt
   bool emergency_stop_open_ = true;
-  std::uint32_t missed_deadlines_ = 0;
-  std::atomic<std::uint32_t> tick_{0};             // written by the interrupt
-  std::atomic<std::uint32_t> background_tick_{0};  // written by the background
 };
 
-// With interrupts held back between the question and WFI, none is slept through: a pending one ends WFI also
-// while it is held back.
 template <class Due>
 void NucleoG474re::idle(Due due) {
   wire_.idle();
-  asm volatile("cpsid i" ::: "memory");
-  if (!due() && !wire_.has_work()) asm volatile("dsb\n wfi" ::: "memory");
-  asm volatile("cpsie i\n isb" ::: "memory");
+  cortex_m::idle_unless([&] { return due() || wire_.has_work(); });
 }
 
 }  // namespace palpate::board

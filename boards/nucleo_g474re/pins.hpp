@@ -8,17 +8,13 @@
 
 namespace palpate::board {
 
+using stm32::AlternatePin;
 using stm32g4::GPIOA;
 using stm32g4::GPIOB;
 using stm32g4::GPIOC;
 using stm32g4::Pin;
 
-struct AlternatePin {
-  Pin pin;
-  std::uint32_t function;  // DS12288, alternate functions
-};
-
-// Encoders: A, B and index.
+// Encoders: A, B and index. Functions of pins: DS12288.
 inline constexpr std::array<AlternatePin, 9> kEncoderPins{{
     {{GPIOA, 0}, 1},   // TIM2_CH1
     {{GPIOA, 1}, 1},   // TIM2_CH2

@@ -1,8 +1,8 @@
 #include "boards/stm32g4/can_link.hpp"
 
+#include "boards/cortex_m/core_registers.hpp"
+#include "boards/cortex_m/fault_record.hpp"
 #include "boards/stm32g4/can_bits.hpp"
-#include "boards/stm32g4/core_registers.hpp"
-#include "boards/stm32g4/fault_record.hpp"
 #include "boards/stm32g4/registers.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/node.hpp"

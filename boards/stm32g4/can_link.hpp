@@ -16,7 +16,7 @@
 #include <cstdint>
 #include <span>
 
-#include "boards/stm32g4/register.hpp"
+#include "boards/cortex_m/register.hpp"
 #include "firmware/ports/ports.hpp"
 #include "shared/wire/can_frame.hpp"
 #include "shared/wire/can_record.hpp"

@@ -1,6 +1,6 @@
 #include "boards/stm32g4/clock.hpp"
 
-#include "boards/stm32g4/fault_record.hpp"
+#include "boards/cortex_m/fault_record.hpp"
 #include "boards/stm32g4/registers.hpp"
 
 namespace palpate::stm32g4 {
@@ -50,6 +50,12 @@ ClockSource start_clock() {
   put(RCC[rcc::CFGR], rcc::CFGR_HPRE, 0);
   if (has_crystal) set(RCC[rcc::CR], rcc::CR_CSSON);
   return has_crystal ? ClockSource::crystal : ClockSource::internal;
+}
+
+std::uint32_t reset_causes() {
+  const std::uint32_t causes = RCC[rcc::CSR];
+  set(RCC[rcc::CSR], rcc::CSR_RMVF);
+  return causes;
 }
 
 void start_usb_clock() {

@@ -21,6 +21,8 @@ enum class ClockSource : std::uint32_t {
 
 // Once, after reset, while the processor runs on 16 MHz.
 ClockSource start_clock();
+// What caused the last reset: RCC_CSR, by its bits (rcc::CSR_*RSTF). Once: it clears them.
+std::uint32_t reset_causes();
 // For the USB device: after start_clock().
 void start_usb_clock();
 

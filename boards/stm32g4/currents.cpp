@@ -2,8 +2,9 @@
 
 #include <limits>
 
+#include "boards/cortex_m/dma_circle.hpp"
+#include "boards/cortex_m/fault_record.hpp"
 #include "boards/stm32g4/dma.hpp"
-#include "boards/stm32g4/fault_record.hpp"
 #include "boards/stm32g4/registers.hpp"
 #include "boards/stm32g4/timebase.hpp"
 

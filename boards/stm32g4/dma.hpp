@@ -65,9 +65,4 @@ inline void restart_dma(std::uint32_t channel, std::uint32_t items) {
   set(control, dma::CCR1_EN);
 }
 
-// What a DMA writes or reads is in memory on the other side of this.
-inline void dma_barrier() {
-  asm volatile("dmb" ::: "memory");
-}
-
 }  // namespace palpate::stm32g4

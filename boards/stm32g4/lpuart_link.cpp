@@ -1,11 +1,10 @@
 #include "boards/stm32g4/lpuart_link.hpp"
 
-#include <algorithm>
 #include <array>
-#include <span>
 
+#include "boards/cortex_m/core_registers.hpp"
+#include "boards/cortex_m/dma_circle.hpp"
 #include "boards/stm32g4/clock.hpp"
-#include "boards/stm32g4/core_registers.hpp"
 #include "boards/stm32g4/dma.hpp"
 #include "boards/stm32g4/registers.hpp"
 
@@ -75,20 +74,8 @@ void LpuartLink::isr_transmitted() {
   fill();
 }
 
-// In two pieces where the circle closes. What the ring has no room for is lost, the framing notices.
 void LpuartLink::drain() {
-  const std::uint32_t written = (kCircle_bytes - of_channel(kReceiveChannel, dma::CNDTR1)) % kCircle_bytes;
-  dma_barrier();
-  const auto take = [this](std::uint32_t begin, std::uint32_t end) {
-    const auto bytes = std::span(received).subspan(begin, end - begin);
-    (void)link_.received.write(bytes.first(std::min<std::size_t>(bytes.size(), link_.received.free())));
-  };
-  if (written < read_) {
-    take(read_, kCircle_bytes);
-    read_ = 0;
-  }
-  take(read_, written);
-  read_ = written;
+  read_ = drain_circle(received, of_channel(kReceiveChannel, dma::CNDTR1), read_, link_);
 }
 
 void LpuartLink::fill() {

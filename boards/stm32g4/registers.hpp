@@ -1,11 +1,14 @@
 // Registers of the STM32G474, as far as they are used here. A namespace has the registers of the peripherals
 // that stand before it. host/python/tests/test_registers.py reads this file and looks each of them up in ST's
-// SVD file, but for what is marked as not being there: that is from RM0440.
+// SVD file, but for what is marked as not being there: that is from RM0440. A namespace that is another name
+// for one of stm32 has its registers from there.
 #pragma once
 
-#include "boards/stm32g4/register.hpp"
+#include "boards/stm32/registers.hpp"
 
 namespace palpate::stm32g4 {
+
+using namespace stm32;  // what this family has as others do
 
 inline constexpr Base RCC{0x40021000};
 namespace rcc {
@@ -125,68 +128,7 @@ inline constexpr Base GPIOA{0x48000000};
 inline constexpr Base GPIOB{0x48000400};
 inline constexpr Base GPIOC{0x48000800};
 inline constexpr Base GPIOF{0x48001400};
-namespace gpio {
-inline constexpr Offset MODER{0x00};
-inline constexpr Offset OTYPER{0x04};
-inline constexpr Offset OSPEEDR{0x08};
-inline constexpr Offset PUPDR{0x0C};
-inline constexpr Offset IDR{0x10};
-inline constexpr Offset BSRR{0x18};
-inline constexpr Offset AFRL{0x20};
-inline constexpr Offset AFRH{0x24};
-}  // namespace gpio
-
-inline constexpr Base TIM2{0x40000000};
-inline constexpr Base TIM3{0x40000400};
-inline constexpr Base TIM4{0x40000800};
-inline constexpr Base TIM5{0x40000C00};
-namespace tim {
-inline constexpr Offset CR1{0x00};
-inline constexpr Bits CR1_CEN{0};
-inline constexpr Offset SMCR{0x08};
-inline constexpr Bits SMCR_SMS{0, 3};
-inline constexpr Offset SR{0x10};
-inline constexpr Bits SR_CC3IF{3};
-inline constexpr Bits SR_CC4IF{4};
-inline constexpr Offset EGR{0x14};
-inline constexpr Bits EGR_UG{0};
-inline constexpr Offset CCMR1{0x18};
-inline constexpr Bits CCMR1_CC1S{0, 2};
-inline constexpr Bits CCMR1_IC1F{4, 4};
-inline constexpr Bits CCMR1_CC2S{8, 2};
-inline constexpr Bits CCMR1_IC2F{12, 4};
-inline constexpr Offset CCMR2{0x1C};
-inline constexpr Bits CCMR2_CC3S{0, 2};
-inline constexpr Bits CCMR2_IC3F{4, 4};
-inline constexpr Bits CCMR2_CC4S{8, 2};
-inline constexpr Bits CCMR2_IC4F{12, 4};
-inline constexpr Offset CCER{0x20};
-inline constexpr Bits CCER_CC3E{8};
-inline constexpr Bits CCER_CC4E{12};
-inline constexpr Offset CNT{0x24};
-inline constexpr Offset PSC{0x28};
-inline constexpr Offset ARR{0x2C};
-inline constexpr Offset CCR3{0x3C};
-inline constexpr Offset CCR4{0x40};
-}  // namespace tim
-
-inline constexpr Base TIM6{0x40001000};
-inline constexpr Base TIM7{0x40001400};
-namespace basic_tim {
-inline constexpr Offset CR1{0x00};
-inline constexpr Bits CR1_CEN{0};
-inline constexpr Bits CR1_URS{2};
-inline constexpr Offset CR2{0x04};
-inline constexpr Bits CR2_MMS{4, 3};
-inline constexpr Offset DIER{0x0C};
-inline constexpr Bits DIER_UIE{0};
-inline constexpr Offset SR{0x10};
-inline constexpr Bits SR_UIF{0};
-inline constexpr Offset EGR{0x14};
-inline constexpr Bits EGR_UG{0};
-inline constexpr Offset PSC{0x28};
-inline constexpr Offset ARR{0x2C};
-}  // namespace basic_tim
+namespace gpio = stm32::gpio;
 
 inline constexpr Base DAC1{0x50000800};
 inline constexpr Base DAC2{0x50000C00};
@@ -403,16 +345,6 @@ inline constexpr Bits CFGR_RELOAD{0, 16};
 inline constexpr Bits CFGR_FELIM{16, 8};
 inline constexpr Bits CFGR_SYNCSRC{28, 2};
 }  // namespace crs
-
-inline constexpr Base IWDG{0x40003000};
-namespace iwdg {
-inline constexpr Offset KR{0x00};
-inline constexpr Offset PR{0x04};
-inline constexpr Offset RLR{0x08};
-inline constexpr Offset SR{0x0C};
-inline constexpr Bits SR_PVU{0};
-inline constexpr Bits SR_RVU{1};
-}  // namespace iwdg
 
 // Memory of peripherals.
 inline constexpr std::uintptr_t kFdcanMessageRam_address = 0x4000A400;  // svd FDCAN

@@ -5,8 +5,8 @@
 #include <atomic>
 #include <cstdint>
 
+#include "boards/cortex_m/core_registers.hpp"
 #include "boards/stm32g4/clock.hpp"
-#include "boards/stm32g4/core_registers.hpp"
 #include "boards/stm32g4/registers.hpp"
 #include "boards/stm32g4/timebase.hpp"
 #include "tusb_option.h"

@@ -1,14 +1,10 @@
 // Vector table. A handler that an image does not define is that of an interrupt nobody asked for.
-#include <array>
+#include "boards/cortex_m/vectors.hpp"
 
-#include "boards/cortex_m/start_up.hpp"
 #include "boards/stm32g4/registers.hpp"
 
 extern "C" {
-// Defined in handlers.cpp and by the board.
-void unexpected_handler();
-void nmi_handler();
-void hard_fault_handler();
+// Defined by the board.
 void tim7_handler();
 [[gnu::weak, gnu::alias("unexpected_interrupt")]] void dma1_channel1_handler() noexcept;
 [[gnu::weak, gnu::alias("unexpected_interrupt")]] void dma1_channel2_handler() noexcept;
@@ -24,24 +20,12 @@ void tim7_handler();
 namespace palpate::stm32g4 {
 namespace {
 
-using board::kSystemVectors;
-using board::Vector;
-
-constexpr std::array<Vector, kSystemVectors + kInterrupts> make_vectors() {
-  std::array<Vector, kSystemVectors + kInterrupts> table{};
-  for (Vector& vector : table) vector.handler = unexpected_interrupt;
-  table[0].stack = &palpate_stack_top;
-  table[1].handler = reset_handler;
-  table[2].handler = nmi_handler;
-  table[3].handler = hard_fault_handler;  // MemManage, BusFault and UsageFault stay disabled, escalate to it
-  table[kSystemVectors + interrupt::DMA1_CH1].handler = dma1_channel1_handler;
-  table[kSystemVectors + interrupt::DMA1_CH2].handler = dma1_channel2_handler;
-  table[kSystemVectors + interrupt::USB_LP].handler = usb_low_priority_handler;
-  table[kSystemVectors + interrupt::TIM7].handler = tim7_handler;
-  table[kSystemVectors + interrupt::FDCAN2_IT0].handler = fdcan2_handler;
-  return table;
-}
-[[gnu::section(".vectors"), gnu::used]] constexpr auto kVectors = make_vectors();
+[[gnu::section(".vectors"), gnu::used]] constexpr auto kVectors =
+    vectors<kInterrupts>({{interrupt::DMA1_CH1, dma1_channel1_handler},
+                          {interrupt::DMA1_CH2, dma1_channel2_handler},
+                          {interrupt::USB_LP, usb_low_priority_handler},
+                          {interrupt::TIM7, tim7_handler},
+                          {interrupt::FDCAN2_IT0, fdcan2_handler}});
 
 }  // namespace
 }  // namespace palpate::stm32g4

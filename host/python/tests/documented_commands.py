@@ -81,6 +81,8 @@ TESTED = {
     "./run flash --board nucleo_g474re --medium usb --by dfu-util": "host/python/tests/test_flash.py::test_others_get_the_image_as_it_lies_in_flash",
     "./run run scenes/stick.toml --board nucleo_g474re --medium canfd --set model.builder=hybrid": "hil_tests/test_nucleo.py::test_a_scene_over_can_fd",
     "./run build --board nucleo_g474re": "hil_tests/test_nucleo_images.py::test_each_image_keeps_its_budgets",
+    "./run build --board feather_stm32f405": "hil_tests/test_skeletons.py::test_it_builds_within_its_budgets_and_says_what_it_lacks",
+    "./run build --board NAME": "hil_tests/test_skeletons.py::test_it_builds_within_its_budgets_and_says_what_it_lacks",
     "./run demo": "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards",
     "./run demo --board native --out out/native": (
         "hil_tests/test_loop_repeats.py::test_the_demo_gives_one_record_on_both_boards"

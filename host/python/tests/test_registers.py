@@ -1,4 +1,4 @@
-"""boards/stm32g4/registers.hpp against ST's description of the part (SVD), which is beside the project where it was fetched."""
+"""boards/stm32g4/registers.hpp, with what it has from boards/stm32, against ST's description of the part (SVD), which is beside the project where it was fetched."""
 
 import re
 import xml.etree.ElementTree as ElementTree
@@ -9,11 +9,13 @@ import pytest
 
 from palpate.paths import ROOT
 
-HEADER = ROOT / "boards/stm32g4/registers.hpp"
+SHARED = ROOT / "boards/stm32/registers.hpp"
+FAMILIES = {"stm32g4": ROOT / "boards/stm32g4/registers.hpp", "stm32f4": ROOT / "boards/stm32f4/registers.hpp"}
 SVD = ROOT.parent / "shared/stm32g474/STM32G474.svd"
 
 BASE = re.compile(r"^inline constexpr Base (\w+)\{(0x[0-9A-F]{8})\};$")
 OPEN = re.compile(r"^namespace (\w+) \{$")
+ALIAS = re.compile(r"^namespace (\w+) = stm32::(\w+);$")
 CLOSE = re.compile(r"^\}  // namespace (\w+)$")
 OFFSET = re.compile(r"^inline constexpr Offset (\w+)\{(0x[0-9A-F]+)\};(?:\s+// (.*))?$")
 BITS = re.compile(r"^inline constexpr Bits (\w+)\{(\d+)(?:, (\d+))?\};(?:\s+// (.*))?$")
@@ -39,7 +41,8 @@ class Header:
     memories: dict[str, int] = field(default_factory=dict)
 
 
-def read_header(path: Path) -> Header:
+def read_header(path: Path, shared: "Header | None" = None) -> Header:
+    """shared: that of the families' common peripherals, whose registers it may have at addresses of its own."""
     header = Header()
     bases: dict[str, int] = {}
     inside = ""
@@ -49,6 +52,10 @@ def read_header(path: Path) -> Header:
         elif (match := OPEN.match(line)) and match[1] != "interrupt":
             inside = match[1]
             header.groups[inside] = Group(bases)
+            bases = {}
+        elif match := ALIAS.match(line):
+            assert shared is not None, line
+            header.groups[match[1]] = Group(bases, shared.groups[match[2]].offsets, shared.groups[match[2]].fields)
             bases = {}
         elif match := CLOSE.match(line):
             inside = ""
@@ -68,6 +75,8 @@ def read_header(path: Path) -> Header:
         else:
             # Nothing of theirs may slip through.
             assert not re.search(r"constexpr (Base|Offset|Bits) ", line), line
+    if shared is not None:
+        header.groups = {name: group for name, group in shared.groups.items() if group.bases} | header.groups
     return header
 
 
@@ -97,7 +106,7 @@ class Svd:
 
 @pytest.fixture(scope="module")
 def header() -> Header:
-    return read_header(HEADER)
+    return read_header(FAMILIES["stm32g4"], read_header(SHARED))
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +123,21 @@ def test_the_header_is_read(header: Header) -> None:
     assert set(header.groups["tim"].bases) == {"TIM2", "TIM3", "TIM4", "TIM5"}
     assert header.interrupts["TIM7"] == 55
     assert header.memories
+    assert set(header.groups["gpio"].bases) == {"GPIOA", "GPIOB", "GPIOC", "GPIOF"} and header.groups["gpio"].offsets["BSRR"] == 0x18
+    assert set(header.groups["iwdg"].bases) == {"IWDG"}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_part_has_each_register_once(family: str) -> None:
+    """Of the STM32F405 there is no description beside the project: what it can be held to is itself."""
+    header = read_header(FAMILIES[family], read_header(SHARED))
+    bases = [address for group in header.groups.values() for address in group.bases.values()]
+    assert len(set(bases)) == len(bases) and all(address % 0x100 == 0 for address in bases)
+    for name, group in header.groups.items():
+        assert group.bases and all(offset % 4 == 0 for offset in group.offsets.values()), name
+        assert len(set(group.offsets.values())) == len(group.offsets), name
+        for register, field_name, position, width in group.fields:
+            assert register in group.offsets and 0 < position + width <= 32, f"{name} {register}.{field_name}"
 
 
 def test_addresses(header: Header, svd: Svd) -> None:

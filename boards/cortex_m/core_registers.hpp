@@ -1,9 +1,9 @@
 // Registers of the processor, as far as they are used: ARMv7-M (DDI 0403). They are in no SVD file of ST's.
 #pragma once
 
-#include "boards/stm32g4/register.hpp"
+#include "boards/cortex_m/register.hpp"
 
-namespace palpate::stm32g4 {
+namespace palpate::cortex_m {
 
 inline constexpr Base SCB{0xE000ED00};
 namespace scb {
@@ -67,4 +67,4 @@ class Masked {
   for (;;) asm volatile("");
 }
 
-}  // namespace palpate::stm32g4
+}  // namespace palpate::cortex_m

@@ -4,14 +4,14 @@
 // their last current.
 //
 // Registers: IWDG_KR = 0xCCCC (starts, with the LSI), 0x5555, PR, RLR, waits for SR.PVU and RVU = 0, KR =
-// 0xAAAA; a refresh is KR = 0xAAAA. RM0440, 42.3.3.
+// 0xAAAA; a refresh is KR = 0xAAAA. RM0440, 42.3.3; RM0090, 21.3.
 #pragma once
 
-#include "boards/stm32g4/registers.hpp"
+#include "boards/stm32/registers.hpp"
 
-namespace palpate::stm32g4 {
+namespace palpate::stm32 {
 
-inline constexpr std::uint32_t kLsi_Hz = 32'000;  // nominal; 29.5 to 34 kHz over all temperatures
+inline constexpr std::uint32_t kLsi_Hz = 32'000;  // nominal; STM32G4: 29.5 to 34 kHz, STM32F4: 17 to 47 kHz
 inline constexpr std::uint32_t kWatchdog_ms = 20;
 
 inline void refresh_watchdog() {
@@ -30,4 +30,4 @@ inline void refresh_watchdog() {
   return taken;
 }
 
-}  // namespace palpate::stm32g4
+}  // namespace palpate::stm32

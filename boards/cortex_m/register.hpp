@@ -1,14 +1,14 @@
 // How registers are named and touched: a peripheral is a Base, RCC; a register an Offset, rcc::CR; a field of
 // it Bits, rcc::CR_HSEON. RCC[rcc::CR] is the register.
 //
-// Names are those of ST's SVD file, in capitals for that, and host/python/tests/test_registers.py holds every
-// address, offset, field and interrupt number against it.
+// Names are those of the maker's SVD file, in capitals for that: so a test can hold every address, offset,
+// field and interrupt number against it (host/python/tests/test_registers.py).
 #pragma once
 
 #include <concepts>
 #include <cstdint>
 
-namespace palpate::stm32g4 {
+namespace palpate::cortex_m {
 
 struct Offset {
   std::uint32_t bytes;
@@ -61,7 +61,8 @@ inline void clear(Register& one, Bits bits) {
 inline void put(Register& one, Bits bits, std::uint32_t value) {
   one = (one & ~bits.mask()) | bits.of(value);
 }
-// Clock of a peripheral: read back, for it takes two clocks until the peripheral answers (RM0440, 7.2.16).
+// Clock of a peripheral: read back, for it takes two clocks until the peripheral answers (RM0440, 7.2.16;
+// RM0090, 7.3.10).
 inline void switch_on(Register& one, std::uint32_t mask) {
   set(one, mask);
   [[maybe_unused]] const std::uint32_t read_back = one;
@@ -77,7 +78,7 @@ inline void switch_on(Register& one, Bits bits) {
 }
 
 // Looks at most kMostLooks times; false: it has not become so. A look takes four cycles at least, so that the
-// wait is 6 ms at least at 170 MHz and 60 ms at 16 MHz: more than anything here may take that works. Start-up
+// wait is 6 ms at least at 170 MHz and 62 ms at 16 MHz: more than anything here may take that works. Start-up
 // only: nothing waits for the hardware once ticks run, but where it says so.
 inline constexpr std::uint32_t kMostLooks = 250'000;
 template <class Condition>
@@ -98,4 +99,4 @@ requires std::predicate<TimeIsOver>
   return true;
 }
 
-}  // namespace palpate::stm32g4
+}  // namespace palpate::cortex_m

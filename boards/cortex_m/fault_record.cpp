@@ -1,16 +1,15 @@
-#include "boards/stm32g4/fault_record.hpp"
+#include "boards/cortex_m/fault_record.hpp"
 
 #include <initializer_list>
 
-#include "boards/stm32g4/core_registers.hpp"
-#include "boards/stm32g4/registers.hpp"
+#include "boards/cortex_m/core_registers.hpp"
 
 extern "C" {
-[[gnu::section(".noinit"), gnu::used]] palpate::stm32g4::FaultRecord palpate_fault_record;
-[[gnu::used]] palpate::stm32g4::BootReport palpate_boot_report;
+[[gnu::section(".noinit"), gnu::used]] palpate::cortex_m::FaultRecord palpate_fault_record;
+[[gnu::used]] palpate::cortex_m::BootReport palpate_boot_report;
 }
 
-namespace palpate::stm32g4 {
+namespace palpate::cortex_m {
 namespace {
 
 // Not zero and not all ones for a record of zeros or ones, as memory may come up.
@@ -35,10 +34,9 @@ const BootReport& boot_report() {
   return palpate_boot_report;
 }
 
-void note_reset() {
+void note_reset(std::uint32_t reset_flags) {
   const FaultRecord record = palpate_fault_record;
-  palpate_boot_report.reset_flags = RCC[rcc::CSR];
-  set(RCC[rcc::CSR], rcc::CSR_RMVF);
+  palpate_boot_report.reset_flags = reset_flags;
   if (record.check == check_of(record)) palpate_boot_report.fault = record;
   write({.failed_starts = palpate_boot_report.fault.failed_starts});
 }
@@ -66,4 +64,4 @@ void fail_to_start(const Register& waited_for) {
   for (;;) asm volatile("wfi");
 }
 
-}  // namespace palpate::stm32g4
+}  // namespace palpate::cortex_m

@@ -4,9 +4,9 @@
 
 #include <cstdint>
 
-#include "boards/stm32g4/register.hpp"
+#include "boards/cortex_m/register.hpp"
 
-namespace palpate::stm32g4 {
+namespace palpate::cortex_m {
 
 enum class FaultReason : std::uint32_t {
   none = 0,
@@ -16,7 +16,7 @@ enum class FaultReason : std::uint32_t {
   // Start-up: a peripheral did not become ready; detail is the address of the register that was waited for.
   not_ready = 4,
   background_stuck = 5,  // the watchdog will bite; detail: the tick
-  flash_unreadable = 6,  // two wrong bits in what the processor read; detail: FLASH_ECCR
+  flash_unreadable = 6,  // two wrong bits in what the processor read; detail: where, as the part says it
 };
 
 struct FaultRecord {
@@ -27,7 +27,7 @@ struct FaultRecord {
   std::uint32_t failed_starts = 0;  // one after the other
 };
 
-// RCC_CSR of the last reset, by its bits (rcc::CSR_*RSTF), and the record that was there when the processor
+// What the part says of the last reset, as it says it, and the record that was there when the processor
 // came up, reason `none` where there was none. Any context; written once, by note_reset().
 struct BootReport {
   std::uint32_t reset_flags = 0;
@@ -35,8 +35,8 @@ struct BootReport {
 };
 const BootReport& boot_report();
 
-// First thing: reads the record and what caused the reset, and clears the flags.
-void note_reset();
+// First thing: takes up the record of before. reset_flags: the part's causes of the last reset.
+void note_reset(std::uint32_t reset_flags);
 // The start has succeeded.
 void note_started();
 
@@ -55,10 +55,10 @@ inline void require(bool is_ready, const Register& waited_for) {
   if (!is_ready) fail_to_start(waited_for);
 }
 
-}  // namespace palpate::stm32g4
+}  // namespace palpate::cortex_m
 
 extern "C" {
 // By these names a debugger finds them.
-extern palpate::stm32g4::FaultRecord palpate_fault_record;
-extern palpate::stm32g4::BootReport palpate_boot_report;
+extern palpate::cortex_m::FaultRecord palpate_fault_record;
+extern palpate::cortex_m::BootReport palpate_boot_report;
 }
