@@ -27,6 +27,8 @@ PATCH_PIXELS = 100
 BLUE_PIXELS, ORANGE_PIXELS = 300, 100
 # The button is 270 x 34, its text takes a part.
 STOP_PIXELS = 2000
+# A line of text in the panel, its smoothed edges left out.
+TEXT_PIXELS = 60
 
 
 def gui(*arguments: object, screen: bool = True, timeout_s: float = 280.0) -> subprocess.CompletedProcess[str]:
@@ -77,6 +79,24 @@ def test_controls_by_script(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob("recording_*.h5"))) == 3
     assert json.loads(done.stdout)["board"] == "mps2_an386"
+
+
+@pytest.mark.timeout(200)
+def test_faults_of_a_can_bus(tmp_path: Path) -> None:
+    picture = tmp_path / "can.png"
+    done = gui(
+        "scenes/press.toml", "--set", 'link.medium="canfd"', "--set", 'link.trace="tip"', "--set", "link.faults.unplugged=[{from_s=0.5, to_s=0.6}]",
+        "--script", SCRIPTS / "can_faults.py",
+        "--screenshot", picture, "--out", tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads(done.stdout)
+    assert numbers["frames_lost_up"] > 0 and numbers["models_taken"] > 0
+    image = matplotlib.image.imread(picture)
+    # At the top, where nobody scrolls: mode and fault in red, what was injected in orange.
+    top = image[:200, :290]
+    assert near(top, (1.0, 0.45, 0.40), 0.15) > TEXT_PIXELS
+    assert near(top, (1.0, 0.70, 0.30), 0.15) > TEXT_PIXELS
 
 
 @pytest.mark.timeout(200)

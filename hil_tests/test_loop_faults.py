@@ -2,6 +2,7 @@
 
 import json
 
+import matplotlib.image
 import numpy as np
 import pytest
 from loop_scene import FREE, MODE_FAULT, STATUS_UNKNOWN, Run, command_line, run, scene
@@ -234,3 +235,74 @@ def test_a_loop_that_never_arms_is_exit_code_1(tmp_path):
     done = command_line(tmp_path, "run", scene("[link]\nbaud = 9600"))
     assert done.returncode == 1
     assert "palpate run: rendering_ticks = 0: must be at least 1" in done.stderr.splitlines()
+
+
+# Horizon, fade and damping of 50 ms each; a silent link is one after 300 ms, and the host says something every 100 ms: outputs go off
+# 250 to 350 ms after the cable.
+FAULTS_OF_ALL_KINDS = """
+[safety]
+horizon_s = 0.1
+fade_s = 0.05
+damp_s = 0.05
+[link.faults]
+drop_down = [30, 100000]
+flip_up = [{ frame = 20, bit = 9 }]
+duplicate_up = [{ frame = 40 }]
+delay = [{ way = "down", delay_s = 0.005, from_s = 0.1, to_s = 0.3 }]
+unplugged = [{ from_s = 0.4, to_s = 0.9 }]
+"""
+
+
+def test_a_run_says_what_was_injected_and_what_came_of_it(tmp_path):
+    text = scene(FAULTS_OF_ALL_KINDS, duration_s=1.0, board="native").replace("pictures = false", "pictures = true")
+    done = command_line(tmp_path, "run", text)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    down, up = told["link_faults"]["down"], told["link_faults"]["up"]
+    assert (down["dropped"], down["flipped"], down["duplicated"], down["not_reached"]) == (1, 0, 0, 1)
+    assert (up["dropped"], up["flipped"], up["duplicated"], up["delayed"]) == (0, 1, 1, 0)
+    assert down["delayed"] > 0 and down["cut"] > 0 and up["cut"] > 0
+    assert down["removed"] == down["cut"] + 1 and up["removed"] == up["cut"] + 1
+    assert told["frames_lost"] == down["lost"] + up["lost"] > 0
+    assert [span["what"] for span in told["fault_spans"]] == ["delay down", "cable out"]
+    off = told["outputs_off"]
+    assert off["fault"] == "cable out" and 0.25 <= off["after_s"] <= 0.4 and off["at_s"] == pytest.approx(0.4 + off["after_s"])
+    assert off["on_again_s"] is None or off["on_again_s"] > 0.9
+    assert told["medium"] == "uart" and told["link_busy_percent"]["down"] > 0.0
+    assert told["board_mode"] in ("render", "suspended") and told["fault_names"] == []
+    rows = {line[2:44].strip(): line[44:] for line in done.stderr.splitlines() if line.startswith("  ")}
+    assert rows["faults injected, to the board"].startswith("dropped 1, delayed ")
+    assert rows["outputs off"].startswith(f"at {off['at_s']:g} s, {off['after_s']:g} s after cable out began")
+    assert "faults down of frames that the run did not reach: 1; it had " in done.stderr
+    marked = matplotlib.image.imread(tmp_path / "out/forces.png")[..., :3]
+    orange = np.abs(marked - np.array([0xD9, 0x82, 0x00]) / 255).max(axis=-1) < 0.02
+    # The strip of the cable: half of the panel's width, which is most of the picture's.
+    assert orange.sum(axis=1).max() > 0.35 * marked.shape[1]
+
+
+def test_errors_of_a_can_bus_and_a_latched_fault_are_told(tmp_path):
+    text = scene(
+        '[link]\nmedium = "canfd"\ntrace = "tip"\n[link.faults]\nrandom = [{ way = "up", kind = "flip", chance = 0.9, to_s = 0.3 }]\n'
+        "babble = [{ from_s = 0.35, to_s = 0.4 }]\n[board.faults]\nemergency_stop_ticks = [500]",
+        duration_s=0.6, board="native",
+    )  # fmt: skip
+    done = command_line(tmp_path, "run", text)
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    faults = told["link_faults"]
+    assert faults["up"]["sent_again"] > 50 and faults["up"]["bus_offs"] > 0 and faults["down"]["sent_again"] == 0
+    assert faults["foreign_frames"] > 20 and told["medium"] == "canfd"
+    assert (told["board_mode"], told["fault_names"]) == ("fault", ["emergency_stop"])
+    assert told["outputs_off"] == {"at_s": 0.5, "fault": "emergency stop", "after_s": 0.0, "on_again_s": None}
+    assert "fault; latched: emergency_stop (0x1)" in done.stderr
+
+
+def test_a_tip_in_the_body_without_a_model_is_no_success(tmp_path):
+    """Of another schema no model is taken: nothing is felt, and the exit code says so."""
+    text = scene("[link.faults]\nother_schema = [{ to_s = 0.5 }]", duration_s=0.5, board="native")
+    done = command_line(tmp_path, "run", text)
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    assert told["model_updates"] == 0 and told["inside_ticks"] > 50
+    assert f"nothing was rendered: the tip was within the body for {told['inside_ticks']} ticks" in done.stderr
+    assert done.stderr.count("model_updates = 0") == 1

@@ -25,6 +25,14 @@ class BusDirection final : public Medium {
   // When the other direction is silent.
   [[nodiscard]] double bytes_per_tick() const override { return bus_.bytes_per_tick(); }
   [[nodiscard]] MediumCounters counters() const override { return bus_.counters(index_); }
+  bool fail_attempts(std::uint64_t count) override {
+    if constexpr (requires { bus_.fail_attempts(index_, count); }) {
+      bus_.fail_attempts(index_, count);
+      return true;
+    } else {
+      return Medium::fail_attempts(count);
+    }
+  }
 
  private:
   Bus& bus_;

@@ -90,7 +90,9 @@ void MeteredCanBus::advance(State& state, std::uint64_t to_ns) const {
     State::Sender& sender = state.senders[record.direction];
     state.free_at_ns = start_ns + record.duration_ns;
     ++state.attempts;
-    if (is_hit(state, record.direction, start_ns)) {
+    const bool is_planned = sender.to_fail > 0;
+    if (is_planned) --sender.to_fail;
+    if (is_planned || is_hit(state, record.direction, start_ns)) {
       state.free_at_ns += bits_ns(bus_, kErrorBits);
       ++sender.attempts_failed;
       sender.error_count += kErrorStep;

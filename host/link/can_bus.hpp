@@ -75,6 +75,7 @@ class MeteredCanBus {
     struct Sender {
       std::uint32_t error_count = 0;
       std::uint64_t off_until_ns = 0;
+      std::uint64_t to_fail = 0;  // attempts
       std::uint64_t attempts_failed = 0, bus_offs = 0;
     };
     std::array<Sender, kDirections> senders{};
@@ -94,6 +95,9 @@ class MeteredCanBus {
   // With full frames.
   [[nodiscard]] double bytes_per_tick() const;
   [[nodiscard]] MediumCounters counters(std::size_t direction) const;
+  void fail_attempts(std::size_t direction, std::uint64_t count) {
+    state_.senders[direction].to_fail += count;
+  }
 
   CanBus bus_;
   std::size_t queue_limit_bytes_;

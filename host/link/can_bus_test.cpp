@@ -306,6 +306,26 @@ TEST(MeteredCanBus, ASenderOfErrorsIsOffTheBusForAWhile) {
   EXPECT_FALSE(bus.down().deliver(kUntil + 3).empty());
 }
 
+// So many attempts of one direction, and no more: 31 in a row do not take it off the bus, 32 do.
+TEST(MeteredCanBus, AttemptsThatAreToFailDo) {
+  for (const std::uint64_t failing : {31u, 32u}) {
+    MeteredCanBus bus(kClassicCan_1_Mbit);
+    EXPECT_TRUE(bus.up().fail_attempts(failing));
+    ASSERT_TRUE(bus.down().submit(record(kUrgent, 8), 0));
+    ASSERT_TRUE(bus.up().submit(record(kMiddle, 8), 0));
+    std::size_t down = 0, up = 0;
+    for (std::uint32_t tick = 0; tick < 20; ++tick) {
+      down += seen(bus.down().deliver(tick)).size();
+      up += seen(bus.up().deliver(tick)).size();
+    }
+    EXPECT_EQ(down, 1u);
+    EXPECT_EQ(up, 1u);
+    EXPECT_EQ(bus.up().counters().attempts_failed, failing);
+    EXPECT_EQ(bus.up().counters().bus_offs, failing == 32 ? 1u : 0u);
+    EXPECT_EQ(bus.down().counters().attempts_failed, 0u);
+  }
+}
+
 TEST(MeteredCanBus, RefusesErrorsThatAreNone) {
   for (const double chance : {-0.1, 1.0, std::nan("")})
     EXPECT_THROW(MeteredCanBus(kClassicCan_1_Mbit, 1000, {.errors = {{.direction = 0, .chance = chance}}}),

@@ -8,19 +8,40 @@
 
 namespace palpate::link {
 
-void CanFaultPlan::add(const RandomFault& fault, std::uint32_t seed) {
-  if (fault.kind != FaultKind::drop && fault.kind != FaultKind::duplicate)
-    throw std::invalid_argument("CanFaultPlan: fault kind " + std::to_string(static_cast<int>(fault.kind)) +
+namespace {
+
+void require_of_can(FaultKind kind) {
+  if (kind != FaultKind::drop && kind != FaultKind::duplicate)
+    throw std::invalid_argument("CanFaultPlan: fault kind " + std::to_string(static_cast<int>(kind)) +
                                 "; on a CAN bus frames are dropped or duplicated");
+}
+
+}  // namespace
+
+void CanFaultPlan::add(const RandomFault& fault, std::uint32_t seed) {
+  require_of_can(fault.kind);
   draws_.emplace_back(fault, seed);
+}
+
+bool CanFaultPlan::add(Fault fault) {
+  require_of_can(fault.kind);
+  return planned_.emplace(frame_ + fault.frame, fault.kind).second;
 }
 
 int CanFaultPlan::copies(std::uint32_t tick) {
   int copies = 1;
+  const auto hit = [&](FaultKind kind) {
+    copies = kind == FaultKind::drop ? 0 : 2;
+    ++applied_[kind];
+  };
+  if (const auto planned = planned_.find(frame_); planned != planned_.end()) {
+    hit(planned->second);
+    planned_.erase(planned);
+  }
+  ++frame_;
   for (FaultDraw& draw : draws_) {
     if (!draw.lasts(tick) || !draw.hits() || copies != 1) continue;
-    copies = draw.kind() == FaultKind::drop ? 0 : 2;
-    ++faults_applied_;
+    hit(draw.kind());
   }
   return copies;
 }
@@ -36,6 +57,7 @@ std::vector<std::uint8_t> CanFaultPlan::apply(std::span<const std::uint8_t> byte
     bool& is_spoilt = spoilt_[step.frame.identifier];
     if (wire::parse_can_tail(step.frame.data.back()).start) is_spoilt = false;
     const int passes = copies(tick);
+    if (cut) ++frames_cut_;
     if (cut || passes == 0) {
       if (!is_spoilt) ++transfers_spoilt_;
       is_spoilt = true;

@@ -25,21 +25,30 @@ class CanFaultPlan {
   // Of several that hit one frame the first counts. Throws std::invalid_argument for other kinds, and for a
   // chance outside of 0 to 1.
   void add(const RandomFault& fault, std::uint32_t seed);
+  // A fault more; its frame is counted from 0 among those that come from now on. False, and no effect, when
+  // that frame has one. Throws std::invalid_argument for other kinds.
+  bool add(Fault fault);
   // Whole records in, whole records out; `cut`: none passes. The rest of a record may come with the next
   // call.
   std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes, std::uint32_t tick, bool cut = false);
   // Transfers of which a frame did not pass.
   [[nodiscard]] std::uint64_t transfers_spoilt() const { return transfers_spoilt_; }
-  [[nodiscard]] std::uint64_t faults_applied() const { return faults_applied_; }
+  [[nodiscard]] std::uint64_t frames_seen() const { return frame_; }
+  // Frames that were cut.
+  [[nodiscard]] std::uint64_t frames_cut() const { return frames_cut_; }
+  [[nodiscard]] const FaultCounts& faults_applied() const { return applied_; }
 
  private:
   // How often the frame that is at hand passes.
   [[nodiscard]] int copies(std::uint32_t tick);
 
   std::vector<FaultDraw> draws_;
+  std::map<std::uint64_t, FaultKind> planned_;  // by the number of the frame
   wire::CanRecordReader reader_;
   std::map<std::uint32_t, bool> spoilt_;  // the present transfer of each identifier
-  std::uint64_t transfers_spoilt_ = 0, faults_applied_ = 0;
+  std::uint64_t frame_ = 0;               // number of the one at hand
+  FaultCounts applied_{};
+  std::uint64_t transfers_spoilt_ = 0, frames_cut_ = 0;
 };
 
 }  // namespace palpate::link

@@ -56,7 +56,7 @@ TEST(CanFaultPlan, ATransferIsSpoiltOnce) {
   EXPECT_EQ(plan.apply(joined({a[1], a[2]}), 5), Bytes{});
   EXPECT_EQ(plan.apply(joined({a[3], b[1]}), 6), joined({a[3], b[1]}));
   EXPECT_EQ(plan.transfers_spoilt(), 1u);
-  EXPECT_EQ(plan.faults_applied(), 2u);
+  EXPECT_EQ(plan.faults_applied().sum(), 2u);
   EXPECT_EQ(plan.apply(joined(transfer(100, 2, 2)), 7, true), Bytes{});
   EXPECT_EQ(plan.transfers_spoilt(), 2u);
 }
@@ -67,6 +67,24 @@ TEST(CanFaultPlan, ACopyComesRightBehindItsFrame) {
   const std::vector<Bytes> records = transfer(100, 2, 1);
   EXPECT_EQ(plan.apply(joined(records), 0), joined({records[0], records[0], records[1], records[1]}));
   EXPECT_EQ(plan.transfers_spoilt(), 0u);
+}
+
+TEST(CanFaultPlan, FramesThatArePlannedAreHitAndCountedByKind) {
+  CanFaultPlan plan;
+  const std::vector<Bytes> records = transfer(100, 6, 1);
+  EXPECT_EQ(plan.apply(records[0], 0), records[0]);
+  EXPECT_TRUE(plan.add({.frame = 1, .kind = FaultKind::drop}));
+  EXPECT_FALSE(plan.add({.frame = 1, .kind = FaultKind::duplicate}));  // has one
+  EXPECT_TRUE(plan.add({.frame = 2, .kind = FaultKind::duplicate}));
+  EXPECT_EQ(plan.apply(joined({records[1], records[2], records[3], records[4]}), 1),
+            joined({records[1], records[3], records[3], records[4]}));
+  EXPECT_EQ(plan.faults_applied()[FaultKind::drop], 1u);
+  EXPECT_EQ(plan.faults_applied()[FaultKind::duplicate], 1u);
+  EXPECT_EQ(plan.frames_cut(), 0u);
+  EXPECT_EQ(plan.apply(joined({records[4], records[5]}), 2, true), Bytes{});
+  EXPECT_EQ(plan.frames_cut(), 2u);
+  EXPECT_EQ(plan.transfers_spoilt(), 1u);
+  EXPECT_THROW((void)plan.add({.frame = 0, .kind = FaultKind::truncate}), std::invalid_argument);
 }
 
 TEST(CanFaultPlan, ChanceHitsAsOftenAsItSays) {

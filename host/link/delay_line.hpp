@@ -34,6 +34,7 @@ class DelayLine {
       due += delay.delay_ticks + static_cast<std::uint32_t>(random_() % (delay.jitter_ticks + 1u));
     }
     last_due_ = std::max(last_due_, due);
+    if (last_due_ > tick) ++delayed_;
     waiting_.emplace_back(last_due_, std::move(bytes));
   }
 
@@ -43,11 +44,14 @@ class DelayLine {
     for (; !waiting_.empty() && waiting_.front().first <= tick; waiting_.pop_front())
       take(waiting_.front().second);
   }
+  // Submissions that did not pass at once.
+  [[nodiscard]] std::uint64_t delayed() const { return delayed_; }
 
  private:
   std::vector<Delay> delays_;
   std::mt19937 random_;
   std::uint32_t last_due_ = 0;
+  std::uint64_t delayed_ = 0;
   std::deque<std::pair<std::uint32_t, std::vector<std::uint8_t>>> waiting_;
 };
 

@@ -34,6 +34,7 @@ TEST(DelayLine, DelaysInItsTicksAndKeepsTheOrder) {
   for (std::uint32_t tick = 10; tick < 50; ++tick) EXPECT_EQ(when[tick], tick + 20);
   for (std::uint32_t tick = 50; tick < 70; ++tick) EXPECT_EQ(when[tick], 69u);
   EXPECT_EQ(when[70], 70u);
+  EXPECT_EQ(line.delayed(), 59u);  // what comes at 69 passes at once
 }
 
 TEST(DelayLine, JitterIsDrawnNeverOvertakesAndNeverExceeds) {

@@ -108,10 +108,10 @@ std::vector<std::uint8_t> FaultPlan::apply(std::span<const std::uint8_t> bytes, 
         late_.emplace(frame_ + planned->second.argument, std::move(late));
       }
       const bool is_spoilt = spoils(planned->second, held_.size());
+      ++applied_[planned->second.kind];
       const std::vector<std::uint8_t> spoilt = spoil(std::move(held_), planned->second);
       out.insert(out.end(), spoilt.begin(), spoilt.end());
       held_.clear();
-      ++faults_applied_;
       if (is_spoilt) ++frames_spoilt_;
     } else {
       out.push_back(byte);

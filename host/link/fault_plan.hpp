@@ -1,9 +1,11 @@
 // Faults of a link, planned by frame: for tests of what is lost, what is refused and what goes on.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <numeric>
 #include <random>
 #include <span>
 #include <vector>
@@ -16,6 +18,19 @@ enum class FaultKind : std::uint8_t {
   truncate,   // only its first `argument` bytes come, no delimiter behind them
   duplicate,  // it comes again, behind the next `argument` frames
   reorder,    // it comes behind the next `argument` frames, 1 at least
+};
+
+inline constexpr std::size_t kFaultKinds = 5;
+
+// How many frames were hit, by FaultKind.
+struct FaultCounts {
+  std::array<std::uint64_t, kFaultKinds> hit{};
+
+  std::uint64_t& operator[](FaultKind kind) { return hit.at(static_cast<std::size_t>(kind)); }
+  std::uint64_t operator[](FaultKind kind) const { return hit.at(static_cast<std::size_t>(kind)); }
+  [[nodiscard]] std::uint64_t sum() const {
+    return std::accumulate(hit.begin(), hit.end(), std::uint64_t{0});
+  }
 };
 
 // A fault of one frame. Frames are numbered from 0 as they pass; a frame is what stands between delimiters.
@@ -72,7 +87,7 @@ class FaultPlan {
   // `tick`: now; for faults by chance only.
   std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes, std::uint32_t tick = 0);
   [[nodiscard]] std::uint64_t frames_seen() const { return frame_; }
-  [[nodiscard]] std::uint64_t faults_applied() const { return faults_applied_; }
+  [[nodiscard]] const FaultCounts& faults_applied() const { return applied_; }
   // Of those the ones after which the frame does not come whole: dropped, cut short or with another bit.
   [[nodiscard]] std::uint64_t frames_spoilt() const { return frames_spoilt_; }
 
@@ -85,7 +100,8 @@ class FaultPlan {
   bool in_frame_ = false;
   std::vector<std::uint8_t> held_;
   std::multimap<std::uint64_t, std::vector<std::uint8_t>> late_;  // by the frame that they come behind
-  std::uint64_t faults_applied_ = 0, frames_spoilt_ = 0;
+  FaultCounts applied_{};
+  std::uint64_t frames_spoilt_ = 0;
 };
 
 }  // namespace palpate::link

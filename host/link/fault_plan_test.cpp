@@ -18,7 +18,7 @@ Bytes apply(const Fault& fault) {
   FaultPlan plan(std::span(&fault, 1));
   Bytes out = plan.apply(kStream);
   EXPECT_EQ(plan.frames_seen(), 4u);
-  EXPECT_EQ(plan.faults_applied(), 1u);
+  EXPECT_EQ(plan.faults_applied().sum(), 1u);
   return out;
 }
 
@@ -26,7 +26,7 @@ TEST(FaultPlan, EmptyPlanChangesNothing) {
   FaultPlan plan;
   EXPECT_EQ(plan.apply(kStream), kStream);
   EXPECT_EQ(plan.frames_seen(), 4u);
-  EXPECT_EQ(plan.faults_applied(), 0u);
+  EXPECT_EQ(plan.faults_applied().sum(), 0u);
 }
 
 TEST(FaultPlan, EachKindHitsItsFrameOnly) {
@@ -91,7 +91,7 @@ TEST(FaultPlan, FaultsAddedLaterCountFromTheNextFrameThatBegins) {
   EXPECT_FALSE(plan.add({1, FaultKind::drop, 0}));
   EXPECT_THROW(plan.add({2, FaultKind::reorder, 0}), std::invalid_argument);
   EXPECT_EQ(plan.apply(Bytes{2, 0, 3, 0, 4, 0, 5, 0}), (Bytes{2, 0, 6, 0, 5, 0}));
-  EXPECT_EQ(plan.faults_applied(), 2u);
+  EXPECT_EQ(plan.faults_applied().sum(), 2u);
 }
 
 // Frames of 20 bytes, numbered.
@@ -117,13 +117,31 @@ TEST(FaultPlan, ChanceHitsAsOftenAsItSaysAndTheSameOfTheSameSeed) {
       EXPECT_EQ(out, again.apply(numbered_frames(kFrames)));
       // Five standard deviations of 4,000 draws.
       const double spread = 5.0 * std::sqrt(chance * (1.0 - chance) * kFrames);
-      EXPECT_NEAR(static_cast<double>(plan.faults_applied()), chance * kFrames, spread);
-      EXPECT_EQ(plan.frames_spoilt(), kind == FaultKind::duplicate ? 0 : plan.faults_applied());
+      EXPECT_NEAR(static_cast<double>(plan.faults_applied().sum()), chance * kFrames, spread);
+      EXPECT_EQ(plan.frames_spoilt(), kind == FaultKind::duplicate ? 0 : plan.faults_applied().sum());
       if (chance == 0.1) {
         EXPECT_NE(out, other.apply(numbered_frames(kFrames)));
       }
     }
   }
+}
+
+TEST(FaultPlan, CountsByKind) {
+  FaultPlan plan(std::vector<Fault>{{0, FaultKind::drop, 0},
+                                    {1, FaultKind::flip_bit, 3},
+                                    {2, FaultKind::flip_bit, 4},
+                                    {4, FaultKind::truncate, 2},
+                                    {5, FaultKind::duplicate, 0},
+                                    {6, FaultKind::reorder, 1},
+                                    {1000, FaultKind::drop, 0}});
+  (void)plan.apply(numbered_frames(10));
+  const FaultCounts& counts = plan.faults_applied();
+  EXPECT_EQ(counts[FaultKind::drop], 1u);  // the other one has not come
+  EXPECT_EQ(counts[FaultKind::flip_bit], 2u);
+  EXPECT_EQ(counts[FaultKind::truncate], 1u);
+  EXPECT_EQ(counts[FaultKind::duplicate], 1u);
+  EXPECT_EQ(counts[FaultKind::reorder], 1u);
+  EXPECT_EQ(counts.sum(), 6u);
 }
 
 TEST(FaultPlan, ChanceKeepsToItsTicksAndToWhatIsPlanned) {
@@ -148,7 +166,7 @@ TEST(FaultPlan, CutsCountWhereTheyCostSomething) {
     run = byte == 0 ? 0 : run + 1;
     whole += run == 20 ? 1 : 0;
   }
-  EXPECT_EQ(plan.faults_applied(), 2000u);
+  EXPECT_EQ(plan.faults_applied().sum(), 2000u);
   EXPECT_EQ(plan.frames_spoilt(), 2000 - whole);
   EXPECT_GT(plan.frames_spoilt(), 0u);
 }

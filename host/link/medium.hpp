@@ -41,6 +41,9 @@ class Medium {
   // What it carries at most.
   [[nodiscard]] virtual double bytes_per_tick() const = 0;
   [[nodiscard]] virtual MediumCounters counters() const = 0;
+  // The next so many attempts to send a frame fail, and it is sent again: on a CAN bus. False, and no effect,
+  // on all others, which send once.
+  virtual bool fail_attempts(std::uint64_t /*count*/) { return false; }
 
  protected:
   Medium() = default;

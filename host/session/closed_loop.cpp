@@ -113,8 +113,9 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
     result.heard_ticks.push_back(row.tick < heard.size() ? heard[row.tick] : ClosedLoopResult::kNeverHeard);
   result.down = down.counters();
   result.up = up.counters();
-  result.counters.frames_removed_down = loop.troubles().frames_removed_down;
-  result.counters.frames_removed_up = loop.troubles().frames_removed_up;
+  result.troubles = loop.troubles();
+  result.hit_ticks_down = loop.hit_ticks(true);
+  result.hit_ticks_up = loop.hit_ticks(false);
   result.counters.board_restarts = loop.board_restarts();
   return result;
 }

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <utility>
+#include <vector>
 
 #include "host/link/fault_plan.hpp"
 #include "host/link/medium.hpp"
@@ -45,12 +46,18 @@ class ClosedLoop {
   void set_emergency_stop(bool open) { emergency_stop_ = open; }
   // The cable is out, or in again; what has passed it arrives.
   void set_unplugged(bool unplugged) { link_.set_unplugged(unplugged); }
+  // TroubledLink::set_babbling.
+  void set_babbling(bool babbling) { link_.set_babbling(babbling); }
   // The board computes for 2.5 ticks more in the next one.
   void burn_next_tick() { burn_ = true; }
-  // A fault of a frame to come, on the link to the board or to the host (FaultPlan::add); the first one that
-  // is planned for a frame counts.
+  // A fault of a frame to come, on the link to the board or to the host (TroubledLink::add_fault); the first
+  // one that is planned for a frame counts.
   void add_fault(bool to_board, const link::Fault& fault) { link_.add_fault(to_board, fault); }
   [[nodiscard]] TroubleCounters troubles() const { return link_.counters(); }
+  // TroubledDirection::hit_ticks.
+  [[nodiscard]] const std::vector<std::uint32_t>& hit_ticks(bool to_board) const {
+    return link_.hit_ticks(to_board);
+  }
   // Is told which of the run's ticks have come to the host (LoopHost::listen_to_ticks), but for those of a
   // board that has started again.
   void listen_to_ticks(std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> listener) {

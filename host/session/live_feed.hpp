@@ -38,6 +38,7 @@ struct LiveStatus {
   LoopCounters counters{};
   std::optional<palpate_BoardStatus_1_0> board;  // as it came over the link
   link::MediumCounters down{}, up{};
+  TroubleCounters troubles{};      // that were injected
   double slipped_s = 0.0;          // wall clock that went on without the loop
   std::uint64_t ticks_unseen = 0;  // went because nobody took them
   std::uint64_t links_opened = 0;  // of a board at a link of the operating system: more than 1: it had gone

@@ -32,6 +32,7 @@ LiveLoop::LiveLoop(LiveSetup setup)
       link_(std::move(setup.link)),
       plant_(setup.plant, path_),
       guide_(setup.guide, path_.at(0.0).position_m),
+      is_can_(setup.loop.framing != link::FramingKind::serial),
       most_busy_ticks_(static_cast<std::uint32_t>(std::ceil(1.0 / (setup.loop.session.update_Hz * kTick_s)))),
       loop_(body_, setup.start, plant_, *board_, link_->down(), link_->up(),
             without_script(std::move(setup.loop))) {
@@ -97,6 +98,7 @@ void LiveLoop::run() {
         status.slipped_s = pacer_.slipped_s();
         status.down = link_->down().counters();
         status.up = link_->up().counters();
+        status.troubles = loop_.troubles();
       });
     }
     loop_.shut_down();
@@ -182,6 +184,10 @@ void LiveLoop::set_unplugged(bool unplugged) {
   });
 }
 
+void LiveLoop::set_babbling(bool babbling) {
+  if (is_can_) post([this, babbling] { loop_.set_babbling(babbling); });
+}
+
 void LiveLoop::burn_next_tick() {
   post([this] { loop_.burn_next_tick(); });
 }
@@ -190,6 +196,10 @@ void LiveLoop::add_faults(bool to_board, link::FaultKind kind, std::size_t argum
   plant::require_range("number of frames with faults", count, 1.0, 1000.0);
   if (kind == link::FaultKind::reorder)
     plant::require_range("frames that come before", static_cast<double>(argument), 1.0, 1000.0);
+  if (is_can_ && (kind == link::FaultKind::truncate || kind == link::FaultKind::reorder))
+    throw std::invalid_argument(
+        "faults on CAN: no frame is cut short, for its length is under its CRC, and those of one identifier "
+        "keep their order");
   post([=, this] {
     for (std::uint64_t frame = 0; frame < count; ++frame) loop_.add_fault(to_board, {frame, kind, argument});
   });

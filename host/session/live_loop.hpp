@@ -62,8 +62,11 @@ class LiveLoop {
   void command(firmware::Action action);
   void set_emergency_stop(bool open);
   void set_unplugged(bool unplugged);
+  // On CAN; elsewhere it has no effect.
+  void set_babbling(bool babbling);
   void burn_next_tick();
-  // The next `count` frames in 1 to 1000.
+  // The next `count` frames in 1 to 1000. On CAN of the kinds drop, duplicate and flip_bit, the last of which
+  // are attempts to send that fail: 32 in a row take the sender off the bus.
   void add_faults(bool to_board, link::FaultKind kind, std::size_t argument, std::uint32_t count);
   void set_host_delay(std::uint32_t ticks);
   // Of virtual over wall-clock time, kSlowest to 10; 0 pauses.
@@ -85,6 +88,7 @@ class LiveLoop {
   // The loop's thread alone.
   plant::Plant plant_;
   plant::HandGuide guide_;
+  const bool is_can_;
   const std::uint32_t most_busy_ticks_;  // an update period: a model that takes longer is waited for
   ClosedLoop loop_;
   std::optional<double> path_began_s_;  // virtual time; none: the hand follows the guide

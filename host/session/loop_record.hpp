@@ -10,6 +10,7 @@
 #include "host/link/medium.hpp"
 #include "host/msd/body.hpp"
 #include "host/session/node_probe.hpp"
+#include "host/session/trouble_counters.hpp"
 #include "shared/math/linear.hpp"
 
 namespace palpate::host {
@@ -42,8 +43,7 @@ struct UpdateRecord {
 
 struct LoopCounters {
   std::uint64_t frames_lost_down = 0, frames_lost_up = 0;
-  std::uint64_t frames_removed_down = 0, frames_removed_up = 0;  // by the faults that a scene asks for
-  std::uint64_t frames_repeated_up = 0, frames_late_up = 0;      // came again: ignored; behind later ones
+  std::uint64_t frames_repeated_up = 0, frames_late_up = 0;  // came again: ignored; behind later ones
   std::uint32_t models_sent = 0, models_taken = 0, models_refused = 0;
   std::uint64_t basis_waits = 0;     // Session::basis_waits
   std::uint32_t board_restarts = 0;  // ClosedLoop::board_restarts
@@ -63,7 +63,9 @@ struct ClosedLoopResult {
   std::vector<int> patch_at_peak;
   // Depends on the files that there were before, unlike all else.
   BasisCounts bases;
-  link::MediumCounters down{}, up{};  // of the link
+  link::MediumCounters down{}, up{};                        // of the link
+  TroubleCounters troubles{};                               // what the faults that a scene asks for have done
+  std::vector<std::uint32_t> hit_ticks_down, hit_ticks_up;  // in which one hit
 };
 
 }  // namespace palpate::host

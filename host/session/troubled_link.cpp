@@ -56,6 +56,14 @@ TroubledDirection::TroubledDirection(link::FramingKind framing, const std::vecto
 
 std::vector<std::uint8_t> TroubledDirection::apply(std::span<const std::uint8_t> bytes, std::uint32_t tick,
                                                    bool unplugged) {
+  const std::uint64_t before = hit().sum();
+  std::vector<std::uint8_t> left = pass(bytes, tick, unplugged);
+  if (hit().sum() > before && (hit_ticks_.empty() || hit_ticks_.back() != tick)) hit_ticks_.push_back(tick);
+  return left;
+}
+
+std::vector<std::uint8_t> TroubledDirection::pass(std::span<const std::uint8_t> bytes, std::uint32_t tick,
+                                                  bool unplugged) {
   if (is_can_) return can_.apply(bytes, tick, unplugged);
   const std::uint64_t frames = serial_.frames_seen(), spoilt = serial_.frames_spoilt();
   std::vector<std::uint8_t> left = serial_.apply(bytes, tick);
@@ -127,7 +135,7 @@ void TroubledLink::send_of_others(std::uint32_t tick) {
       left_bytes -= static_cast<double>(frames.back().bytes.size());
     }
   }
-  if (contains(troubles_.babble, tick)) {
+  if (babbling_ || contains(troubles_.babble, tick)) {
     // As many as go in a tick: there is always one that waits.
     babbled_bytes_ += down_.bytes_per_tick();
     const std::size_t before = frames.size();
@@ -154,12 +162,28 @@ void TroubledLink::add_foreign(double bytes, std::uint32_t identifier,
   }
 }
 
+void TroubledLink::set_babbling(bool babbling) {
+  if (framing_ == link::FramingKind::serial)
+    throw std::invalid_argument("faults of a link: a node babbles on CAN only");
+  babbling_ = babbling;
+}
+
 void TroubledLink::add_fault(bool to_board, const link::Fault& fault) {
+  if (framing_ != link::FramingKind::serial && fault.kind == link::FaultKind::flip_bit) {
+    (void)(to_board ? down_ : up_).fail_attempts(1);
+    return;
+  }
   (to_board ? faults_down_ : faults_up_).add(fault);
 }
 
 TroubleCounters TroubledLink::counters() const {
-  return {.frames_removed_down = faults_down_.removed(),
+  const auto of = [](const TroubledDirection& faults, const link::DelayLine& delay) {
+    return DirectionTroubles{
+        .frames = faults.frames(), .hit = faults.hit(), .delayed = delay.delayed(), .cut = faults.cut()};
+  };
+  return {.down = of(faults_down_, delay_down_),
+          .up = of(faults_up_, delay_up_),
+          .frames_removed_down = faults_down_.removed(),
           .frames_removed_up = faults_up_.removed(),
           .foreign_frames = foreign_};
 }

@@ -12,14 +12,9 @@
 #include "host/link/host_endpoint.hpp"
 #include "host/link/medium.hpp"
 #include "host/session/closed_loop_config.hpp"
+#include "host/session/trouble_counters.hpp"
 
 namespace palpate::host {
-
-// What did not get through, by frames: those spoilt, and those that a cable that is out has kept.
-struct TroubleCounters {
-  std::uint64_t frames_removed_down = 0, frames_removed_up = 0;
-  std::uint64_t foreign_frames = 0;  // of a second host
-};
 
 // One direction's frames, hit by chance or by plan, on a serial link or on CAN.
 class TroubledDirection {
@@ -28,17 +23,28 @@ class TroubledDirection {
   TroubledDirection(link::FramingKind framing, const std::vector<link::Fault>& planned,
                     const std::vector<link::RandomFault>& random, std::uint32_t seed);
   std::vector<std::uint8_t> apply(std::span<const std::uint8_t> bytes, std::uint32_t tick, bool unplugged);
-  void add(const link::Fault& fault) { (void)serial_.add(fault); }
+  // FaultPlan::add, CanFaultPlan::add.
+  void add(const link::Fault& fault) { (void)(is_can_ ? can_.add(fault) : serial_.add(fault)); }
+  [[nodiscard]] const link::FaultCounts& hit() const {
+    return is_can_ ? can_.faults_applied() : serial_.faults_applied();
+  }
+  [[nodiscard]] std::uint64_t frames() const { return is_can_ ? can_.frames_seen() : serial_.frames_seen(); }
+  [[nodiscard]] std::uint64_t cut() const { return is_can_ ? can_.frames_cut() : kept_; }
+  // Each tick in which a fault hit, in order.
+  [[nodiscard]] const std::vector<std::uint32_t>& hit_ticks() const { return hit_ticks_; }
   // Serial frames, or transfers, that do not come whole.
   [[nodiscard]] std::uint64_t removed() const {
     return serial_.frames_spoilt() + kept_ + can_.transfers_spoilt();
   }
 
  private:
+  std::vector<std::uint8_t> pass(std::span<const std::uint8_t> bytes, std::uint32_t tick, bool unplugged);
+
   bool is_can_;
   link::FaultPlan serial_;
   link::CanFaultPlan can_;
   std::uint64_t kept_ = 0;
+  std::vector<std::uint32_t> hit_ticks_;
 };
 
 // `down` and `up` must outlive it. One thread; ticks never decrease.
@@ -59,8 +65,13 @@ class TroubledLink {
   void send_of_others(std::uint32_t tick);
 
   void set_unplugged(bool unplugged) { unplugged_ = unplugged; }
-  // FaultPlan::add.
+  // A node fills the bus with frames of the first priority. Throws std::invalid_argument but on CAN.
+  void set_babbling(bool babbling);
+  // TroubledDirection::add; of FaultKind::flip_bit on CAN: the next attempt to send fails.
   void add_fault(bool to_board, const link::Fault& fault);
+  [[nodiscard]] const std::vector<std::uint32_t>& hit_ticks(bool to_board) const {
+    return (to_board ? faults_down_ : faults_up_).hit_ticks();
+  }
   [[nodiscard]] TroubleCounters counters() const;
 
  private:
@@ -74,7 +85,7 @@ class TroubledLink {
   TroubledDirection faults_down_, faults_up_;
   link::DelayLine delay_down_, delay_up_;
   link::HostEndpoint other_;
-  bool unplugged_ = false;
+  bool unplugged_ = false, babbling_ = false;
   std::vector<std::uint8_t> waiting_;  // for a stopped host
   std::uint64_t foreign_ = 0;
   double babbled_bytes_ = 0.0;  // of the present tick, less what fits in it

@@ -69,11 +69,43 @@ TEST(TroubledLink, TransfersThatACableKeepsAreCounted) {
   EXPECT_EQ(link.counters().frames_removed_up, 0u);
 }
 
+// What a person injects in a running loop: lost frames, errors of the bus, a babbling node.
+TEST(TroubledLink, FaultsOfARunningLoopOnCan) {
+  link::MeteredCanBus bus(link::kClassicCan_1_Mbit);
+  TroubledLink link(bus.down(), bus.up(), on_can({}));
+  link::HostEndpoint host({.framing = link::FramingKind::can_classic});
+  const auto sends = [&](std::uint32_t tick) {
+    link.send_down(request(host), tick);
+    link.send_of_others(tick);
+    return !link.to_board(tick + 1).empty();
+  };
+  EXPECT_TRUE(sends(0));
+  link.add_fault(true, {.frame = 0, .kind = link::FaultKind::drop});
+  EXPECT_FALSE(sends(10));
+  EXPECT_EQ(link.hit_ticks(true), std::vector<std::uint32_t>{10});
+  EXPECT_EQ(link.counters().down.hit[link::FaultKind::drop], 1u);
+  EXPECT_TRUE(sends(20));
+  link.add_fault(true, {.frame = 0, .kind = link::FaultKind::flip_bit});
+  EXPECT_TRUE(sends(30));  // again
+  EXPECT_EQ(bus.down().counters().attempts_failed, 1u);
+  link.set_babbling(true);
+  for (std::uint32_t tick = 40; tick < 45; ++tick) link.send_of_others(tick);
+  EXPECT_GT(link.counters().foreign_frames, 20u);
+  link.set_babbling(false);
+  const std::uint64_t babbled = link.counters().foreign_frames;
+  link.send_of_others(46);
+  EXPECT_EQ(link.counters().foreign_frames, babbled);
+}
+
 TEST(TroubledLink, RefusesWhatIsOfAnotherMedium) {
   link::Uart down(12'000'000), up(12'000'000);
   ClosedLoopConfig config;
   config.troubles.babble = {{0, 1}};
   EXPECT_THROW(TroubledLink(down, up, config), std::invalid_argument);
+  config = {};
+  TroubledLink serial(down, up, config);
+  EXPECT_THROW(serial.set_babbling(true), std::invalid_argument);
+  EXPECT_FALSE(down.fail_attempts(1));
   config = on_can({});
   config.faults_up = {{.frame = 1}};
   EXPECT_THROW(TroubledLink(down, up, config), std::invalid_argument);

@@ -101,8 +101,14 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   link_counters["bytes_per_tick"] = link->down().bytes_per_tick();
   link_counters["heard_ticks"] =
       column<std::uint32_t>(run.heard_ticks, [](std::uint32_t tick) { return tick; });
-  link_counters["frames_removed_down"] = run.counters.frames_removed_down;
-  link_counters["frames_removed_up"] = run.counters.frames_removed_up;
+  link_counters["troubles"] = trouble_counters(run.troubles);
+  const auto ticks = [](const std::vector<std::uint32_t>& hit) {
+    return column<std::uint32_t>(hit, [](std::uint32_t tick) { return tick; });
+  };
+  link_counters["hit_ticks_down"] = ticks(run.hit_ticks_down);
+  link_counters["hit_ticks_up"] = ticks(run.hit_ticks_up);
+  link_counters["frames_removed_down"] = run.troubles.frames_removed_down;
+  link_counters["frames_removed_up"] = run.troubles.frames_removed_up;
   link_counters["attempts_failed"] = run.down.attempts_failed + run.up.attempts_failed;
   link_counters["bus_offs"] = run.down.bus_offs + run.up.bus_offs;
   link_counters["board_restarts"] = run.counters.board_restarts;

@@ -129,6 +129,7 @@ nb::dict status(const host::LiveFeed& feed) {
   add_counters(result, now.counters);
   result["down"] = medium_counters(now.down);
   result["up"] = medium_counters(now.up);
+  result["troubles"] = trouble_counters(now.troubles);
   result["board_heard"] = now.board.has_value();
   const palpate_BoardStatus_1_0 board = now.board.value_or(palpate_BoardStatus_1_0{});
   result["board_tick"] = board.tick;
@@ -175,6 +176,7 @@ void bind_live_loop(nb::module_& module) {
               "action"_a)
           .def("set_emergency_stop", &LiveLoop::set_emergency_stop, "is_open"_a)
           .def("set_unplugged", &LiveLoop::set_unplugged, "unplugged"_a)
+          .def("set_babbling", &LiveLoop::set_babbling, "babbling"_a)
           .def("burn_next_tick", &LiveLoop::burn_next_tick)
           .def(
               "add_faults",

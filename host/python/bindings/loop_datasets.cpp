@@ -90,7 +90,29 @@ nb::dict medium_counters(const link::MediumCounters& counters) {
   result["bytes_delivered"] = counters.bytes_delivered;
   result["bytes_dropped"] = counters.bytes_dropped;
   result["submissions_dropped"] = counters.submissions_dropped;
+  result["attempts_failed"] = counters.attempts_failed;
+  result["bus_offs"] = counters.bus_offs;
   result["busy_ticks"] = counters.busy_ticks;
+  return result;
+}
+
+nb::dict trouble_counters(const host::TroubleCounters& counters) {
+  const auto of = [](const host::DirectionTroubles& way) {
+    nb::dict result;
+    result["frames"] = way.frames;
+    result["dropped"] = way.hit[link::FaultKind::drop];
+    result["flipped"] = way.hit[link::FaultKind::flip_bit];
+    result["truncated"] = way.hit[link::FaultKind::truncate];
+    result["duplicated"] = way.hit[link::FaultKind::duplicate];
+    result["reordered"] = way.hit[link::FaultKind::reorder];
+    result["delayed"] = way.delayed;
+    result["cut"] = way.cut;
+    return result;
+  };
+  nb::dict result;
+  result["down"] = of(counters.down);
+  result["up"] = of(counters.up);
+  result["foreign_frames"] = counters.foreign_frames;
   return result;
 }
 

@@ -15,6 +15,7 @@ namespace nb = nanobind;
 void add_ticks(nb::dict& result, const std::vector<host::LoopTick>& ticks);
 void add_counters(nb::dict& result, const host::LoopCounters& counters);
 nb::dict medium_counters(const link::MediumCounters& counters);
+nb::dict trouble_counters(const host::TroubleCounters& counters);
 void add_updates(nb::dict& result, const std::vector<host::UpdateRecord>& updates);
 
 }  // namespace palpate::python

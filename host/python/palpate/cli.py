@@ -17,6 +17,7 @@ from palpate.cli_examples import epilog
 from palpate.colour import Colour, paint
 from palpate.experiment import Outcome, ProgressBar, run, simulate
 from palpate.hil import BOARDS, BoardError
+from palpate.injected import rows as fault_rows
 from palpate.model_choice import measured_in
 from palpate.paths import ROOT, SCENES, SOURCE
 from palpate.record import BadRecord, RecordError, read_record
@@ -69,14 +70,18 @@ def build_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def add(name: str, text: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(
+    def describe(among: Any, name: str, text: str, examples: str) -> argparse.ArgumentParser:
+        command: argparse.ArgumentParser = among.add_parser(
             name,
             help=text,
             description=text[0].upper() + text[1:] + ".",
-            epilog=epilog(name, fill(_EPILOG, _HELP_WIDTH)),
+            epilog=epilog(examples, fill(_EPILOG, _HELP_WIDTH)),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        return command
+
+    def add(name: str, text: str, among: Any = commands, prefix: str = "") -> argparse.ArgumentParser:
+        command = describe(among, name, text, prefix + name)
         command.add_argument(
             "--json",
             action="store_true",
@@ -231,25 +236,20 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
-    bench = add("bench", "measure what local models cost, what links hold, or what faults do to the force")
-    bench.add_argument(
-        "what",
-        choices=("frontier", "links", "faults"),
-        help="frontier: cost against error of every builder in every experiment, and sweeps; links: rates, latencies and costs "
-        "of every medium; faults: the fault matrix of link, host and board",
-    )
-    bench.add_argument(
-        "--quick",
-        action="store_true",
-        help="frontier: two experiments, three builders, no sweeps; links: two media, a small body; faults: some cases that "
-        "stand for the rest",
-    )
-    bench.add_argument("--only", nargs="+", metavar="CASE", help="faults: these cases, by name or group")
-    bench.add_argument(
-        "--board", choices=("native", "mps2_an386"), help="faults: the board that runs the firmware (default: native)"
-    )
-    bench.add_argument("--medium", choices=("uart", "can", "canfd"), help="faults: the link, with its cases (default: uart)")
-    add_out(bench, "out/frontier, out/links or out/faults")
+    text = "measure what local models cost, what links hold, or what faults do to the force"
+    benches = describe(commands, "bench", text, "bench").add_subparsers(dest="what", required=True, metavar="WHAT")
+    frontier = add("frontier", "cost against error of every builder in every experiment, and sweeps", benches, "bench ")
+    frontier.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
+    add_out(frontier, "out/frontier")
+    links = add("links", "rates, latencies and costs of every medium", benches, "bench ")
+    links.add_argument("--quick", action="store_true", help="two media, a small body")
+    add_out(links, "out/links")
+    faults = add("faults", "the fault matrix of link, host and board: what the force does, held against rules", benches, "bench ")
+    faults.add_argument("--quick", action="store_true", help="some cases that stand for the rest; with --only those of them")
+    faults.add_argument("--only", nargs="+", metavar="CASE", help="these cases, by name or group; a name that is none lists the groups")
+    faults.add_argument("--board", choices=("native", "mps2_an386"), default="native", help="the board that runs the firmware (default: native)")
+    faults.add_argument("--medium", choices=("uart", "can", "canfd"), default="uart", help="the link, with its cases (default: uart)")
+    add_out(faults, "out/faults")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     flash = add("flash", "put the image of a board into its part, by OpenOCD, st-flash or DFU; untried on silicon")
@@ -262,6 +262,9 @@ def build_parser() -> argparse.ArgumentParser:
     test = add("test", "pass every test; the last line counts passed, failed and skipped")
     test.add_argument(
         "--quick", action="store_true", help="only the fast tests: no sanitizers, no fuzzing, no clang-tidy"
+    )
+    test.add_argument(
+        "--only", nargs="+", metavar="NAME", help="only these: stages, files of Python tests, C++ test programs; a name that is none lists them"
     )
     return parser
 
@@ -311,7 +314,9 @@ _ROWS = {
     "model_updates": ("local models taken over", ""),
     "models_refused": ("local models refused", ""),
     "model_age_ticks": ("age of the local model", "ms"),
+    "medium": ("link medium", ""),
     "link_bytes_per_s": ("link", "bytes/s"),
+    "link_busy_percent": ("link busy", "% of the time"),
     "frames_lost": ("frames lost", ""),
     "interpolated_ticks": ("ticks interpolated by the host", ""),
     "nodes": ("nodes", ""),
@@ -333,7 +338,6 @@ _ROWS = {
     "equal_contact_modes_percent": ("ticks with the record's contact mode", "% of those in contact"),
     "largest_swap_step_N": ("largest force step at a model change", "N"),
     "source_rms_force_error_percent": ("rms force error of the record", "%"),
-    "faults": ("faults latched", ""),
     "record_hash": ("record hash", ""),
     "wall_clock": ("wall clock of this machine", "s"),
 }
@@ -346,6 +350,8 @@ def format_table(title: str, outcome: Outcome) -> str:
         if key in outcome.summary:
             text = _format(outcome.summary[key])
             lines.append(f"  {label:<42}{text}{f' {unit}' if unit and text != '-' else ''}")
+        if key == "frames_lost":
+            lines.extend(f"  {label:<42}{text}" for label, text in fault_rows(outcome.summary))
     lines.extend(
         f"  {'wrote' if i == 0 else '':<42}{_short(file)}" for i, file in enumerate(outcome.files.values())
     )
@@ -600,9 +606,6 @@ def _bench_links(arguments: argparse.Namespace) -> int:
 def _bench(arguments: argparse.Namespace) -> int:
     if arguments.what == "faults":
         return _bench_faults(arguments)
-    for name in ("only", "board", "medium"):
-        if getattr(arguments, name) is not None:
-            raise SceneError(f"palpate bench {arguments.what}: --{name} is for palpate bench faults")
     if arguments.what == "links":
         return _bench_links(arguments)
     from palpate.frontier import command
@@ -628,11 +631,10 @@ def _bench_faults(arguments: argparse.Namespace) -> int:
 
     folder = _output_folder(arguments, "faults")
     command.check_folder(folder)
-    medium = arguments.medium or "uart"
+    medium, board = arguments.medium, arguments.board
     command.choose(arguments.only, arguments.quick, medium)
     from palpate import _core
 
-    board = arguments.board or "native"
     values, results = command.bench_faults(_core, arguments.only, arguments.quick, board, medium, folder, _progress)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     print(command.format_table(results, lambda text, good: paint(text, "green" if good else "red", table)), file=table)
@@ -650,7 +652,7 @@ def _test(arguments: argparse.Namespace) -> int:
         raise SceneError("palpate test: only in the source tree: ./run test")
     from palpate.testing import run_tests
 
-    return OK if run_tests(quick=arguments.quick, as_json=arguments.json) else FAILED
+    return OK if run_tests(quick=arguments.quick, as_json=arguments.json, only=arguments.only) else FAILED
 
 
 def _fuzz(arguments: argparse.Namespace) -> int:

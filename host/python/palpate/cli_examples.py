@@ -17,11 +17,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run reduce --dim 2 --n 6",
         "./run reduce --check-locality scenes/reduce/stiff_skin.toml",
     ),
-    "bench": (
-        "./run bench frontier --quick",
-        "./run bench links --quick",
-        "./run bench faults --only unplugged drop --json",
-    ),
+    "bench": ("./run bench frontier --quick", "./run bench links --help"),
+    "bench frontier": ("./run bench frontier --quick",),
+    "bench links": ("./run bench links --quick",),
+    "bench faults": ("./run bench faults --only unplugged drop --json", "./run bench faults --board mps2_an386 --quick"),
     "choose": (
         "./run choose scenes/auto.toml",
         "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json",
@@ -39,7 +38,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "flash": ("./run flash --board nucleo_g474re", "./run flash --board nucleo_g474re --medium usb --by dfu-util"),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),
-    "test": ("./run test --quick",),
+    "test": ("./run test --quick", "./run test --only test_scene link_test"),
 }
 
 

@@ -6,14 +6,18 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import __version__, hil, record, record_layout, summary
+from palpate import __version__, hil, injected, record, record_layout, summary
 from palpate.record_layout import Dataset
 from palpate.scene import Scene, SceneError
+from palpate.scene_sections import SceneFile
+
+if TYPE_CHECKING:
+    from palpate import figures
 
 OUTPUTS = (
     "summary.json", "record.h5", "tip.csv", "nodes.csv", "forces.png", "body.png", "replay.png", "console.txt"
@@ -127,6 +131,8 @@ def summarize(scene: Scene, command: str, done: LoopRun) -> dict[str, Any]:
         choice=scene.choice.to_dict() if scene.choice else None,
         medium=scene.sections.link.medium,
         busy_ticks={way: done.link[way]["busy_ticks"] for way in ("up", "down")},
+        link_faults=injected.counts(scene.sections, done.link, done.counters),
+        fault_spans=injected.fault_spans(scene.sections),
     )
 
 
@@ -150,7 +156,8 @@ def write_run(
             values["ticks/contact_mode"],
         )
     if scene.sections.outputs.pictures:
-        _draw_run(files, scene, values, done.time_s)
+        hit_s = {way: np.asarray(done.link.get(f"hit_ticks_{way}", ())) * _TICK_S for way in injected.WAYS}
+        _draw_run(files, scene, values, done.time_s, hit_s)
     return files
 
 
@@ -313,7 +320,28 @@ def rendered_normal(values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     return normal
 
 
-def _draw_run(files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any]) -> None:
+def fault_marks(
+    scene: SceneFile, values: Mapping[str, NDArray[Any]], hit_s: Mapping[str, NDArray[Any]]
+) -> "figures.Marks":
+    """What forces.png marks of a run: faults in time, ticks in which a frame was hit, outputs off."""
+    from palpate import figures
+
+    rows: dict[str, list[tuple[float, float]]] = {}
+    for span in injected.fault_spans(scene):
+        rows.setdefault(span.what, []).append((span.from_s, span.to_s))
+    for way in injected.WAYS:
+        if len(hit_s.get(way, ())):
+            rows[f"frames hit, {way}"] = [(float(t), float(t) + _TICK_S) for t in hit_s[way]]
+    causes = tuple(rows)
+    off = [(span.from_s, span.to_s) for span in injected.off_spans(values["ticks/tick"], values["ticks/enabled"])]
+    if off:
+        rows["outputs off"] = off
+    return figures.Marks(rows, causes)
+
+
+def _draw_run(
+    files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], time_s: NDArray[Any], hit_s: Mapping[str, NDArray[Any]]
+) -> None:
     from palpate import figures  # Matplotlib takes its time: only where something is drawn
 
     mode = values["ticks/contact_mode"]
@@ -330,6 +358,7 @@ def _draw_run(files: Output, scene: Scene, values: Mapping[str, NDArray[Any]], t
         friction=touched_friction(values, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=model_age_ticks(values),
+        marks=fault_marks(scene.sections, values, hit_s),
     )
     _draw_body(files, scene, values, values["ticks/tip_m"])
 

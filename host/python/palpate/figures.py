@@ -1,6 +1,6 @@
 """Pictures of an experiment, from plain arrays: forces over time, and the deformed body."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ _CONE, _ERROR, _AGE = "#6b6b6b", "#7a1fa2", "#3a3a3a"
 _DEFORMATION = LinearSegmentedColormap.from_list(
     "deformation", ["#cfd6dc", "#8fbcdc", "#3f86bd", "#28529c", "#4b1566", "#2a0632"]
 )
+_MARK = "#d98200"
+_MOST_SHADES = 500
 _MM = 1e3
 _TICK_S = 1e-3
 # Shorter ones are overlong ticks of the board: a line may go straight over them.
@@ -43,6 +45,14 @@ class ForceTrace:
     force_N: Array
     contact_mode: Array
     normal: Array
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Spans of time to mark, by what they are: (from_s, to_s) each. causes: those of which the forces are shaded."""
+
+    rows: Mapping[str, Sequence[tuple[float, float]]]
+    causes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -89,19 +99,24 @@ def save_forces(
     rendered_name: str = "firmware",
     reference_name: str = "full body",
     error_name: str = "error",
+    marks: Marks | None = None,
 ) -> None:
     """Draws normal and tangential force with the friction cone, contact modes, error and model age over time.
 
     time_s: (n,). friction: (n, 2), static and kinetic coefficient of the triangle that is touched (0 when free).
     model_age_ticks: (n,), NaN where no model was rendered.
+    marks: a strip of its own, a row for each of its spans, and a shade behind the forces.
     """
-    heights = [4.0, 0.5] + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
+    marked = marks is not None and len(marks.rows) > 0
+    heights = [4.0, 0.5] + ([0.12 + 0.16 * len(marks.rows)] if marks is not None and marked else []) + ([1.6] if reference else []) + ([1.3] if model_age_ticks is not None else [])
     figure = Figure(figsize=(11.0, 1.1 + 1.05 * sum(heights)), dpi=130, layout="constrained")
     panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
     figure.suptitle(title, fontsize=12)
     _draw_forces(panels[0], time_s, rendered, friction, reference, (rendered_name, reference_name))
     _draw_modes(panels[1], time_s, rendered, reference, (rendered_name, reference_name))
     rest = panels[2:]
+    if marks is not None and marked:
+        _draw_marks(rest.pop(0), panels[0], marks)
     if reference is not None:
         _draw_error(rest.pop(0), time_s, rendered, reference, error_name)
     if model_age_ticks is not None:
@@ -179,6 +194,19 @@ def _draw_modes(
         for mode, colour in zip(CONTACT_MODES, _MODE_COLOURS, strict=True)
     ]
     axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+
+
+def _draw_marks(axes: Axes, forces: Axes, marks: Marks) -> None:
+    for i, (what, spans) in enumerate(marks.rows.items()):
+        colour = _MARK if what in marks.causes else _CONE
+        # A tick is narrower than a pixel of a long run: the edge stays.
+        axes.broken_barh([(a, b - a) for a, b in spans], (i - 0.35, 0.7), facecolor=colour, edgecolor=colour, linewidth=0.6)
+        if what in marks.causes:
+            for begin_s, end_s in spans[:_MOST_SHADES]:
+                forces.axvspan(begin_s, end_s, color=_MARK, alpha=0.10, linewidth=0.3, zorder=0)
+    axes.set_yticks(range(len(marks.rows)), list(marks.rows), fontsize=8)
+    axes.set_ylim(len(marks.rows) - 0.5, -0.5)
+    axes.set_ylabel("faults", rotation=0, ha="right", va="center", labelpad=4)
 
 
 def _draw_error(axes: Axes, time_s: Array, rendered: ForceTrace, reference: ForceTrace, name: str) -> None:

@@ -36,6 +36,8 @@ Floats = NDArray[np.float64]
 TICK_S = 1e-3
 HISTORY_S = 10.0
 _COUNTED = ("ticks_unseen", *(name for name in record_layout.RUN_COUNTERS if name != "clock_Hz"))
+SERIAL_FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
+CAN_FAULT_KINDS = ("drop", "flip_bit", "duplicate")
 # Of the hand above the middle of the body's top where a scene has no path.
 _START_ABOVE_M = 0.015
 _SIGN_S = 1.0  # between two looks at the tick, for the watchdog
@@ -110,8 +112,10 @@ class Live:
         self.triangle_friction: Floats = _core.triangle_friction(self._dict)
         medium = scene.sections.link.medium
         self._board = None if self.is_attached else Board(BOARDS[board].of(scene.sections), watchdog_s)
-        # Of Cyphal/serial frames (host/link/fault_plan.hpp).
-        self.takes_faults = not self.is_attached and FRAMINGS[medium] == SERIAL
+        self.medium = medium
+        self.is_on_can = not self.is_attached and FRAMINGS[medium] != SERIAL
+        # What add_faults() takes (host/link/fault_plan.hpp, can_fault_plan.hpp): nothing beside an attached board.
+        self.fault_kinds = () if self.is_attached else CAN_FAULT_KINDS if self.is_on_can else SERIAL_FAULT_KINDS
         self._triangles = Body(scene).triangles if self.is_attached else None
         self._recorder: Recorder | None = None
         self._before: dict[str, int] = {}  # counters when the recording began
@@ -199,6 +203,11 @@ class Live:
         if not self.is_attached:
             self._loop.set_unplugged(unplugged)
 
+    def set_babbling(self, babbling: bool) -> None:
+        """A broken node fills the CAN bus with frames of the first priority, or no longer. Without effect on other media."""
+        if self.is_on_can:
+            self._loop.set_babbling(babbling)
+
     def burn_next_tick(self) -> None:
         """The next servo tick takes 2.5 ms longer; without effect on board native, which has no clock."""
         if not self.is_attached:
@@ -206,8 +215,10 @@ class Live:
 
     def add_faults(self, direction: str, kind: str, count: int, argument: int = 1) -> None:
         """Of the next `count` frames "down" to the board or "up" to the host: drop, flip_bit (number `argument`), truncate
-        (to `argument` bytes), duplicate or reorder (behind `argument` more). No effect on CAN (`takes_faults`)."""
-        if self.takes_faults:
+        (to `argument` bytes), duplicate or reorder (behind `argument` more). On CAN frames of the bus, and only drop, duplicate and
+        flip_bit (`fault_kinds`): the last is an error at so many attempts to send, of which 32 in a row take the sender off the bus. Raises
+        ValueError for other kinds; no effect beside an attached board."""
+        if not self.is_attached:
             self._loop.add_faults(direction, kind, argument, count)
 
     def set_host_delay(self, ticks: int) -> None:

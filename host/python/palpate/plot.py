@@ -4,17 +4,20 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate import experiment, hil, record
 from palpate.record import BadRecord, Record
-from palpate.scene import load_recorded_scene
+from palpate.scene import Scene, load_recorded_scene
 from palpate.scene_checks import friction
 from palpate.scene_schema import SceneError
 from palpate.tip_path import TipPath
+
+if TYPE_CHECKING:
+    from palpate import figures
 
 Array = NDArray[Any]
 
@@ -128,14 +131,25 @@ def _friction(loaded: Record, mode: Array, triangle: Array) -> Array:
     if "body/triangle_friction" in loaded.values:
         return experiment.touched_friction(loaded.values, mode, triangle)
     coefficients = np.zeros((len(mode), 2))
-    try:
-        path = TipPath(np.zeros(1), np.zeros((1, 3)), "linear")
-        scene = load_recorded_scene(loaded.file, loaded.scene_text, {}, path)
-    except SceneError:  # the picture does without the cone
+    scene = _recorded_scene(loaded)
+    if scene is None:  # the picture does without the cone
         return coefficients
     if not scene.sections.contact.regions:
         coefficients[mode != 0] = friction(scene.sections.contact)
     return coefficients
+
+
+def _recorded_scene(loaded: Record) -> Scene | None:
+    try:
+        return load_recorded_scene(loaded.file, loaded.scene_text, {}, TipPath(np.zeros(1), np.zeros((1, 3)), "linear"))
+    except SceneError:
+        return None
+
+
+def _marks(loaded: Record, cut: Cut) -> "figures.Marks | None":
+    """Of the faults that the record's scene asks for: which frames were hit it does not have."""
+    scene = _recorded_scene(loaded)
+    return None if scene is None else experiment.fault_marks(scene.sections, cut.values, {})
 
 
 def _draw_forces(file: Path, loaded: Record, cut: Cut, title: str) -> None:
@@ -169,6 +183,7 @@ def _draw_forces(file: Path, loaded: Record, cut: Cut, title: str) -> None:
         friction=_friction(loaded, mode, values["ticks/triangle"]),
         reference=reference,
         model_age_ticks=experiment.model_age_ticks(values),
+        marks=_marks(loaded, cut),
     )
 
 

@@ -41,6 +41,12 @@ CONTACT_MODES = ("free", "stick", "slip")
 # palpate.BoardStatus MODE_*, by number.
 BOARD_MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspended")
 
+# Bits of BoardStatus.faults, from 0 on (docs/safety.md).
+BOARD_FAULTS = (
+    "emergency_stop", "stop_command", "not_a_number", "encoder_jump", "over_speed", "outside_workspace",
+    "over_current", "force_implausible", "deadline_missed", "link_lost", "energy_created",
+)  # fmt: skip
+
 # One row per servo tick; "the board says" is telemetry that does not cross the link.
 TICKS = (
     _tick(

@@ -11,6 +11,7 @@ from palpate.scene_schema import Reader, SceneError
 from palpate.scene_sections import (
     FAULT_WAYS,
     TICK_S,
+    BoardFaults,
     Contact,
     FrictionRegion,
     Hand,
@@ -70,7 +71,8 @@ def check_scene(reader: Reader, scene: SceneFile) -> None:
     _check_link(reader, scene.link)
     for way in ("down", "up"):
         _check_link_faults(reader, way, scene.link.faults)
-    _check_fault_times(reader, scene.link.faults)
+    _check_fault_times(reader, scene.link.faults, scene.duration_s)
+    _check_board_faults(reader, scene.board.faults, scene.duration_s)
     _check_step(reader, "reference.step_s", scene.reference.step_s)
     _check_outputs(reader, scene.outputs, scene)
 
@@ -285,6 +287,9 @@ LINK_SILENT_s = 0.3
 def _check_safety(reader: Reader, safety: Safety) -> None:
     """As lost_after_off() of firmware/core/limit_ranges.hpp."""
     given = {name: getattr(safety, name) for name in BOARDS_OWN_s}
+    for name, time_s in given.items():
+        if time_s is not None and not math.isclose(time_s / TICK_S, round(time_s / TICK_S), abs_tol=1e-6):
+            raise reader.error(f"safety.{name}", time_s, f"a whole number of servo ticks of {TICK_S:g} s")
     ticks = {name: round((own_s if given[name] is None else given[name]) / TICK_S) for name, own_s in BOARDS_OWN_s.items()}
     off = max(ticks["horizon_s"] + ticks["fade_s"], round(LINK_SILENT_s / TICK_S)) + ticks["damp_s"]
     if off > ticks["resume_within_s"]:
@@ -420,12 +425,29 @@ def _check_link_faults(reader: Reader, way: str, faults: LinkFaults) -> None:
         seen.add(frame)
 
 
-def _check_fault_times(reader: Reader, faults: LinkFaults) -> None:
+def _check_board_faults(reader: Reader, faults: BoardFaults, duration_s: float) -> None:
+    ticks = round(duration_s / TICK_S)
+    given = [
+        (f"board.faults.{name}[{i}]", tick)
+        for name in ("overlong_ticks", "emergency_stop_ticks", "reset_ticks")
+        for i, tick in enumerate(getattr(faults, name))
+    ]
+    given += [(f"board.faults.encoder_slips[{i}].tick", slip.tick) for i, slip in enumerate(faults.encoder_slips)]
+    for where, tick in given:
+        if tick >= ticks:
+            raise reader.error(where, tick, f"less than {ticks}, the servo ticks of duration_s = {duration_s:.12g} s: it would never show")
+
+
+def _check_fault_times(reader: Reader, faults: LinkFaults, duration_s: float) -> None:
     for name in ("random", "delay", "unplugged", "host_stopped", "other_schema", "second_host", "babble", "flood"):
         for i, span in enumerate(getattr(faults, name)):
             if span.to_s <= span.from_s:
                 raise reader.error(
                     f"link.faults.{name}[{i}].to_s", span.to_s, f"greater than its from_s, {span.from_s:.12g} s"
+                )
+            if span.from_s >= duration_s:
+                raise reader.error(
+                    f"link.faults.{name}[{i}].from_s", span.from_s, f"less than duration_s = {duration_s:.12g} s: it would never show"
                 )
 
 

@@ -1,11 +1,14 @@
 """The numbers of an experiment, computed from its record. Every key is declared here; docs/records.md is generated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from palpate.injected import FaultSpan, fault_names, outputs_off
+from palpate.record_layout import BOARD_MODES
 
 TICKS_PER_SECOND = 1000
 _FREE, _STICK, _SLIP = 0, 1, 2
@@ -63,6 +66,21 @@ RUN_KEYS = (
         "which both directions share, the two together are at most 100",
     ),
     Key("frames_lost", "", "frames lost or refused on the link, both directions"),
+    Key(
+        "link_faults",
+        "",
+        "{down, up, foreign_frames}, what `[link.faults]` did; null where the scene asks for none. Of each direction how many {frames} there "
+        "were (on a CAN bus frames of the bus), and how many of them were {dropped, flipped, truncated, duplicated, reordered}; {delayed}: submissions that waited; {cut}: "
+        "frames that a cable that was out kept; {sent_again, bus_offs}: on a CAN bus attempts that an error hit, and times that the sender "
+        "was off the bus; {removed}: frames, on a CAN bus transfers, that did not come whole for these; {lost}: what the receiving end "
+        "missed or refused; {not_reached}: faults of frames by number that did not come up in the run. `foreign_frames`: of a second host, a flood or a babbling node",
+    ),
+    Key(
+        "fault_spans",
+        "s",
+        "list of {what, from_s, to_s}: faults of link and board that have a time in the scene, cut off at its end, by their beginning; "
+        "forces.png marks them",
+    ),
     Key("interpolated_ticks", "ticks", "ticks whose tip position the host had to interpolate"),
     Key("contact_ticks", "ticks", "ticks with contact"),
     Key("stick_to_slip", "", "ticks with slip right after one with stick"),
@@ -96,7 +114,16 @@ RUN_KEYS = (
         "where none is positive); positive: the hand was given more than the corrected model would have given",
     ),
     Key("faults", "", "bits of all faults that the board latched; 0: none"),
+    Key("fault_names", "", "names of these bits (safety.md)"),
+    Key("board_mode", "", "the board's mode in the last tick, as `render`, `suspended` or `fault` (safety.md)"),
+    Key(
+        "outputs_off",
+        "s",
+        "{at_s, fault, after_s, on_again_s}: when the amplifiers first went off after they had been on, which of `fault_spans` had begun last "
+        "by then and how long before (null where none had), and when they were on again (null: not any more); null where they stayed on",
+    ),
     Key("rendering_ticks", "ticks", "ticks with the amplifiers enabled"),
+    Key("inside_ticks", "ticks", "ticks with outputs on whose tip is within the box of the body at rest: with no local model ever in use nothing is felt there"),
     Key(
         "choice",
         "",
@@ -289,6 +316,12 @@ def _force_summary(mode: NDArray[Any], force_N: NDArray[Any]) -> dict[str, Any]:
     }
 
 
+def _inside_ticks(values: Mapping[str, NDArray[Any]]) -> int:
+    rest_m, tip_m = values["body/rest_m"], values["ticks/tip_m"].astype(np.float64)
+    inside = np.all((tip_m > rest_m.min(axis=0)) & (tip_m < rest_m.max(axis=0)), axis=1)
+    return int(np.count_nonzero(inside & (values["ticks/enabled"] != 0)))
+
+
 def _energy_summary(correction_J: NDArray[Any]) -> dict[str, float]:
     injected_J = np.maximum(correction_J.astype(np.float64), 0.0)
     return {
@@ -311,6 +344,8 @@ def summarize_run(
     choice: Mapping[str, Any] | None = None,
     medium: str,
     busy_ticks: Mapping[str, float],
+    link_faults: Mapping[str, Any] | None = None,
+    fault_spans: Sequence[FaultSpan] = (),
 ) -> dict[str, Any]:
     """summary.json of a run: exactly the keys of RUN_KEYS. `values` are the datasets of a record, `counters` those of
     RUN_COUNTERS."""
@@ -318,6 +353,7 @@ def summarize_run(
     duration_s = (int(values["ticks/tick"][-1]) + 1) / TICKS_PER_SECOND
     mode, force_N = values["ticks/contact_mode"], values["ticks/force_N"]
     age = values["ticks/model_age_ticks"][values["ticks/model_sequence"] != 0]
+    faults = int(np.bitwise_or.reduce(values["ticks/faults"]))
 
     def worst_instructions(name: str) -> int | None:
         return None if instructions_per_count is None else round(int(values[name].max()) * instructions_per_count)
@@ -345,14 +381,20 @@ def summarize_run(
             way: 100.0 * busy_ticks[way] / (int(values["ticks/tick"][-1]) + 1) for way in ("up", "down")
         },
         "frames_lost": int(counters["frames_lost_up"]) + int(counters["frames_lost_down"]),
+        "link_faults": None if link_faults is None else dict(link_faults),
+        "fault_spans": [span.to_dict() for span in fault_spans],
         "interpolated_ticks": int(values["updates/interpolated_ticks"].sum(dtype=np.int64)),
         **_force_summary(mode, force_N),
         "rms_force_error_percent": None,
         "contact_mode_divergence_ticks": None,
         "largest_force_jump_N": None,
         "correction_energy_J": _energy_summary(values["updates/correction_energy_J"]),
-        "faults": int(np.bitwise_or.reduce(values["ticks/faults"])),
+        "faults": faults,
+        "fault_names": fault_names(faults),
+        "board_mode": BOARD_MODES[int(values["ticks/mode"][-1])],
+        "outputs_off": outputs_off(values["ticks/tick"], values["ticks/enabled"], fault_spans),
         "rendering_ticks": int(np.count_nonzero(values["ticks/enabled"])),
+        "inside_ticks": _inside_ticks(values),
         "choice": None if choice is None else dict(choice),
         "record_hash": record_hash,
         "wall_clock": dict(wall_clock_s),
@@ -401,7 +443,16 @@ def board_failures(summary: Mapping[str, Any]) -> list[str]:
         failures.append(f"faults = {summary['faults']:#x}: must be 0")
     if summary["rendering_ticks"] == 0 and summary["ticks"] > _ARMING_TICKS:
         failures.append("rendering_ticks = 0: must be at least 1")
+    if _felt_nothing(summary):
+        failures.append(
+            f"model_updates = 0: nothing was rendered: the tip was within the body for {summary['inside_ticks']} ticks and no local model was ever "
+            f"in use, of {summary['models_sent']} sent; a link or a computer that is too slow, or models that the board refuses, do that"
+        )
     return failures
+
+
+def _felt_nothing(summary: Mapping[str, Any]) -> bool:
+    return bool(summary["model_updates"] == 0 and summary["inside_ticks"] > 0)
 
 
 def suspicions(summary: Mapping[str, Any]) -> list[str]:
@@ -409,8 +460,14 @@ def suspicions(summary: Mapping[str, Any]) -> list[str]:
     found = []
     if summary["missed_deadlines"] > 0:
         found.append(f"missed_deadlines = {summary['missed_deadlines']}: must be 0")
-    if summary["model_updates"] == 0:
+    if summary["model_updates"] == 0 and not _felt_nothing(summary):
         found.append("model_updates = 0: must be at least 1")
+    for way in ("down", "up") if summary["link_faults"] else ():
+        faults = summary["link_faults"][way]
+        if faults["not_reached"]:
+            found.append(
+                f"link.faults: faults {way} of frames that the run did not reach: {faults['not_reached']}; it had {faults['frames']:,}"
+            )
     if summary["contact_ticks"] == 0:
         found.append("contact_ticks = 0: must be at least 1")
     return found

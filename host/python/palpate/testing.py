@@ -15,6 +15,7 @@ from typing import IO
 from xml.etree import ElementTree
 
 from palpate.paths import BUILD, ROOT
+from palpate.scene_schema import SceneError
 
 LOGS = ROOT / "out/test"
 _SOURCE_FOLDERS = ("shared", "firmware", "boards", "host", "hil_tests")
@@ -168,20 +169,60 @@ def build_site(log: IO[str]) -> Count:
     return _one("mkdocs --strict", _run([sys.executable, *site], log, {"NO_MKDOCS_2_WARNING": "1"}))
 
 
-def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
-    """Configures, builds and runs the C++ tests of a preset, and builds nothing else of it."""
+def python_tests() -> dict[str, str]:
+    """Files of Python tests by their names, as pytest takes them."""
+    files = [file for folder in ("host/python/tests", "hil_tests") for file in sorted((ROOT / folder).glob("test_*.py"))]
+    return {file.stem: str(file.relative_to(ROOT)) for file in files}
+
+
+def cpp_programs() -> list[str]:
+    """Names of the C++ test programs, which are their targets'."""
+    lists = [file for folder in _SOURCE_FOLDERS for file in (ROOT / folder).rglob("CMakeLists.txt")]
+    return sorted({name for file in lists for name in re.findall(r"^\s*palpate_test\((\w+)", file.read_text("utf-8"), re.MULTILINE)})
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What `--only` asks for: stages as a whole, files of Python tests, C++ test programs."""
+
+    stages: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    programs: tuple[str, ...] = ()
+
+
+def select(names: Sequence[str], quick: bool) -> Selection:
+    """Raises SceneError for a name that is none, with those that are; and for a stage that `quick` leaves out."""
+    known, files, programs = [stage.name for stage in stages(False)], python_tests(), cpp_programs()
+    for name in names:
+        if name not in known and name not in files and name not in programs:
+            raise SceneError(
+                f"--only {name}: must be a stage ({', '.join(known)}), a file of Python tests ({', '.join(files)}) or a C++ test program "
+                f"({', '.join(programs)})"
+            )
+        if name in known and quick and name not in [stage.name for stage in stages(True)]:
+            raise SceneError(f"--only {name}: is not among the stages of --quick")
+    return Selection(
+        tuple(name for name in names if name in known),
+        tuple(files[name] for name in names if name in files),
+        tuple(name for name in names if name in programs),
+    )
+
+
+def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = (), programs: Sequence[str] = ()) -> Count:
+    """Configures, builds and runs the C++ tests of a preset, or only some programs of them, and builds nothing else of it."""
     folder = BUILD / preset
     jobs = str(os.cpu_count() or 1)
     # Also where it has been configured: with what the preset says now.
     if not _run(["cmake", "--preset", preset], log):
         return Count(failures=[f"{preset}: configure"])
-    if not _run(["cmake", "--build", "--preset", preset, "-j", jobs, "--target", "palpate_tests"], log):
+    if not _run(["cmake", "--build", "--preset", preset, "-j", jobs, "--target", *(programs or ["palpate_tests"])], log):
         return Count(failures=[f"{preset}: build"])
     cases, summary = LOGS / f"{preset}-cases", LOGS / f"{preset}-ctest.xml"
     shutil.rmtree(cases, ignore_errors=True)
     summary.unlink(missing_ok=True)
     cases.mkdir(parents=True)
     command = ["ctest", "--test-dir", str(folder), "-j", jobs, "--output-on-failure", "--timeout", "900"]
+    command += ["-R", f"^({'|'.join(programs)})$"] if programs else []
     succeeded = _run(
         [*launcher, *command, "--output-junit", str(summary)],
         log,
@@ -196,10 +237,10 @@ def run_ctest(preset: str, log: IO[str], launcher: Sequence[str] = ()) -> Count:
     return count
 
 
-def run_pytest(quick: bool, log: IO[str]) -> Count:
+def run_pytest(quick: bool, log: IO[str], files: Sequence[str] = ()) -> Count:
     """The Python tests: command line, scenes, records, and the firmware in the loop. Files side by side, one a
     processor; then, with the machine for themselves, the tests of loops that run in real time."""
-    folders = [folder for folder in ("host/python/tests", "hil_tests") if (ROOT / folder).is_dir()]
+    folders = list(files) or [folder for folder in ("host/python/tests", "hil_tests") if (ROOT / folder).is_dir()]
     rest = " and not slow" if quick else ""
     side_by_side = ["-n", str(os.cpu_count() or 1), "--dist=loadfile"]
     count = Count()
@@ -219,6 +260,8 @@ def run_pytest(quick: bool, log: IO[str]) -> Count:
             count.failures.append(name)
             continue
         part = count_junit(report)
+        if files and part.passed + len(part.failures) + len(part.skips) == 0:
+            continue  # the files have tests of the other kind
         if not succeeded and not part.failures:
             part.failures.append(name)
         count += part
@@ -289,24 +332,32 @@ def _without_address_randomization() -> list[str]:
     return []
 
 
-def stages(quick: bool) -> list[Stage]:
-    """All stages, fast ones first."""
+def stages(quick: bool, only: Selection | None = None) -> list[Stage]:
+    """All stages, fast ones first, or those of a selection: a C++ program in every preset that has tests, a file in one stage."""
+    of = only or Selection()
+
+    def ctest(preset: str, launcher: Callable[[], Sequence[str]] = lambda: ()) -> Stage:
+        programs = () if f"ctest {preset}" in of.stages else of.programs
+        return Stage(f"ctest {preset}", lambda log: run_ctest(preset, log, launcher(), programs))
+
+    files = () if "pytest" in of.stages else of.files
     result = [
         Stage("format", check_format),
         Stage("docs", build_site),
-        Stage("ctest host", lambda log: run_ctest("host", log)),
-        Stage("pytest", lambda log: run_pytest(quick, log)),
+        ctest("host"),
+        Stage("pytest", lambda log: run_pytest(quick, log, files)),
     ]
     if not quick:
         result += [
-            Stage("ctest host-asan", lambda log: run_ctest("host-asan", log)),
-            Stage(
-                "ctest host-tsan", lambda log: run_ctest("host-tsan", log, _without_address_randomization())
-            ),
+            ctest("host-asan"),
+            ctest("host-tsan", _without_address_randomization),
             Stage("fuzz", run_fuzz),
             Stage("clang-tidy", run_clang_tidy),
         ]
-    return result
+    if only is None:
+        return result
+    wanted = {*only.stages, *(["pytest"] if only.files else [])}
+    return [stage for stage in result if stage.name in wanted or (only.programs and stage.name.startswith("ctest "))]
 
 
 def run_stage(stage: Stage) -> Result:
@@ -327,12 +378,15 @@ def run_stage(stage: Stage) -> Result:
     return Result(stage.name, count, time.monotonic() - started_s)
 
 
-def run_tests(quick: bool, as_json: bool) -> bool:
-    """Runs all stages, goes on after a failure, and reports. The last line counts all tests. True: none failed."""
+def run_tests(quick: bool, as_json: bool, only: Sequence[str] | None = None) -> bool:
+    """Runs all stages, or what `only` names, goes on after a failure, and reports. The last line counts all tests. True: none failed.
+
+    Raises SceneError for names that are none."""
+    selection = select(only, quick) if only else None
     report = sys.stderr if as_json else sys.stdout
     LOGS.mkdir(parents=True, exist_ok=True)
     results: list[Result] = []
-    todo = stages(quick)
+    todo = stages(quick, selection)
     for i, stage in enumerate(todo, start=1):
         print(f"[{i}/{len(todo)}] {stage.name} ...", file=report, flush=True)
         results.append(run_stage(stage))

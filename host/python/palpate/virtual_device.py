@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.body import Floats, vector3
 from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
+from palpate.injected import faulty_sections
 from palpate.record_layout import BOARD_MODES
 from palpate.scene import Scene, SceneError
 
@@ -68,6 +69,10 @@ class VirtualDevice:
     ) -> None:
         if board not in BOARDS:
             raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
+        for name in faulty_sections(scene.sections):
+            raise SceneError(
+                f"{scene.file}: {name}: given, but a device without hardware injects no faults; must be left out (palpate run injects them)"
+            )
         self._scene = scene
         self._link = link
         values = scene.to_dict()

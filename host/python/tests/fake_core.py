@@ -17,6 +17,7 @@ from palpate.hil import BoardType
 Progress = Callable[[int, int], bool]
 
 TICKS = 400
+_HIT = {"dropped": 2, "flipped": 0, "truncated": 0, "duplicated": 0, "reordered": 0, "delayed": 0, "cut": 0}
 RENDERER_BYTES = 12345
 
 
@@ -43,7 +44,9 @@ def run_closed_loop(
         **counters,
         "basis_problem": "",
         "link": {
-            **{way: {"busy_ticks": 0.25 * TICKS} for way in ("down", "up")},
+            **{way: {"busy_ticks": 0.25 * TICKS, "attempts_failed": 0, "bus_offs": 0} for way in ("down", "up")},
+            **{f"frames_removed_{way}": 2 for way in ("down", "up")},
+            "troubles": {"down": {"frames": 9, **_HIT}, "up": {"frames": 9, **_HIT}, "foreign_frames": 0},
             "bytes_per_tick": 1200.0,
             "heard_ticks": np.arange(TICKS) + 1,
         },

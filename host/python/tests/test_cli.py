@@ -43,6 +43,15 @@ def test_help_lists_the_commands() -> None:
         assert all(len(line) <= 120 for line in helped.stdout.splitlines())
 
 
+def test_every_bench_has_a_help_of_its_own() -> None:
+    options = {"frontier": set(), "links": set(), "faults": {"--only", "--board", "--medium"}}
+    for what, own in options.items():
+        helped = palpate("bench", what, "--help")
+        assert helped.returncode == 0
+        assert f"examples:\n  {EXAMPLES[f'bench {what}'][0]}\n" in helped.stdout and f"out/{what})" in helped.stdout
+        assert set(re.findall(r"^  (--\w+)", helped.stdout, re.MULTILINE)) == own | {"--json", "--quick", "--out"}
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -90,7 +90,7 @@ def test_zsh_gets_a_script_with_every_command() -> None:
     done = palpate("completion", "zsh")
     assert done.returncode == 0
     assert done.stdout.startswith("#compdef palpate")
-    assert all(re.search(rf"""\n *['"]?{command}['"]?:""", done.stdout) for command in EXAMPLES)
+    assert all(re.search(rf"""\n *['"]?{command}['"]?:""", done.stdout) for command in EXAMPLES if " " not in command)
     assert palpate("completion", "fish").returncode == 2
 
 

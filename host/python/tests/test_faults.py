@@ -340,6 +340,8 @@ def test_names_of_cases_are_unique_and_wrong_ones_are_told():
         names = [one.name for one in cases.all_cases(medium)]
         assert len(set(names)) == len(names)
     assert {one.group for one in command.choose(["drop", "second host"], False)} == {"drop", "second host"}
+    (quick,) = command.choose(["drop", "duplicate"], True)
+    assert quick.name == "drop 50 %"
     with pytest.raises(SceneError, match="--only nothing: must be a group"):
         command.choose(["nothing"], False)
     with pytest.raises(SceneError, match="--only truncate: must be a group"):
@@ -351,7 +353,8 @@ def test_bad_input_is_exit_code_2(tmp_path):
     for options, said in (
         (["faults", "--out", str(tmp_path)], "holds mine.txt"),
         (["faults", "--only", "sunshine"], "--only sunshine: must be a group"),
-        (["frontier", "--only", "drop"], "--only is for palpate bench faults"),
+        (["frontier", "--only", "drop"], "unrecognized arguments: --only drop"),
+        (["faults", "--only", "duplicate", "--quick"], "none of these is a quick case; those are drop 50 %"),
     ):
         done = palpate("bench", *options)
         assert done.returncode == 2 and said in done.stderr, done.stderr

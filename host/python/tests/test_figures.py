@@ -51,6 +51,28 @@ def test_forces_of_a_run(tmp_path: Path, friction: tuple[tuple[float, float], ..
     assert ink(tmp_path / "forces.png") > INK_FRACTION
 
 
+def test_marks_have_a_row_each_and_shade_the_forces(tmp_path: Path) -> None:
+    values, _ = run_values(ticks=1000)
+
+    def draw(name: str, marks: figures.Marks | None) -> np.ndarray:
+        figures.save_forces(
+            tmp_path / name, title="run", time_s=1e-3 * values["ticks/tick"],
+            rendered=ForceTrace(values["ticks/force_N"], values["ticks/contact_mode"], values["ticks/normal"]),
+            friction=np.zeros((1000, 2)), marks=marks,
+        )  # fmt: skip
+        image: np.ndarray = matplotlib.image.imread(tmp_path / name)[..., :3]
+        return image
+
+    def orange(image: np.ndarray) -> int:
+        return int((np.abs(image - np.array([0xD9, 0x82, 0x00]) / 255).max(axis=-1) < 0.02).sum())
+
+    none, empty = draw("none.png", None), draw("empty.png", figures.Marks({}, ()))
+    assert none.shape == empty.shape and orange(none) == 0
+    rows = {"cable out": [(0.2, 0.6)], "outputs off": [(0.5, 0.7)]}
+    both, other = draw("both.png", figures.Marks(rows, ("cable out",))), draw("other.png", figures.Marks(rows, ()))
+    assert both.shape[0] > none.shape[0] and orange(both) > 1000 and orange(other) == 0
+
+
 def test_forces_of_a_simulation(tmp_path: Path) -> None:
     values = simulate_values()
     figures.save_forces(

@@ -94,6 +94,14 @@ def test_energies_that_were_given_are_counted_apart_from_those_that_were_taken()
     assert summarize(values, counters)["correction_energy_J"]["largest"] == 0.0
 
 
+def test_only_a_tip_in_the_body_with_outputs_on_is_inside() -> None:
+    values, counters = still(5)
+    low_m, high_m = values["body/rest_m"].min(axis=0), values["body/rest_m"].max(axis=0)
+    values["ticks/tip_m"] = np.array([high_m + 1e-3, 0.5 * (low_m + high_m), 0.5 * (low_m + high_m), low_m - 1e-3, high_m - 1e-4])
+    values["ticks/enabled"] = np.array([1, 0, 1, 1, 1])
+    assert summarize(values, counters)["inside_ticks"] == 2
+
+
 def test_jump_sees_the_direction() -> None:
     force_N = np.array([[1.0, 0, 0], [0, 1.0, 0]])
     assert summary.largest_jump_N(force_N, np.zeros((2, 3)), np.array([1, 2])) == pytest.approx(np.sqrt(2))
@@ -143,6 +151,7 @@ def test_what_is_not_known_is_null() -> None:
 def test_checks() -> None:
     numbers = summarize(*run_values(ticks=400))
     assert summary.board_failures(numbers) == summary.suspicions(numbers) == []
+    numbers["inside_ticks"] = 0
     for key, value in {"missed_deadlines": 1, "model_updates": 0, "contact_ticks": 0}.items():
         (found,) = summary.suspicions({**numbers, key: value})
         assert found.startswith(f"{key} = ")
@@ -151,3 +160,8 @@ def test_checks() -> None:
     never = {**numbers, "rendering_ticks": 0, "ticks": 1000}
     assert summary.board_failures(never) == ["rendering_ticks = 0: must be at least 1"]
     assert summary.board_failures({**never, "ticks": 20}) == []  # no time to arm
+    (nothing,) = summary.board_failures({**numbers, "model_updates": 0, "inside_ticks": 7})
+    assert "nothing was rendered" in nothing and "within the body for 7 ticks" in nothing
+    late = {**numbers, "link_faults": {way: {"frames": 9, "not_reached": int(way == "up")} for way in ("down", "up")}}
+    (found,) = summary.suspicions(late)
+    assert found == "link.faults: faults up of frames that the run did not reach: 1; it had 9"

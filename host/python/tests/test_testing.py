@@ -9,6 +9,7 @@ import pytest
 
 from palpate import testing
 from palpate.paths import ROOT
+from palpate.scene import SceneError
 from palpate.testing import Count, Stage, count_ctest, count_junit
 
 PYTEST = """<testsuites><testsuite>
@@ -96,7 +97,7 @@ def raising(log: IO[str]) -> Count:
 
 def run(monkeypatch: pytest.MonkeyPatch, *work: Callable[[IO[str]], Count]) -> bool:
     listed = [Stage(function.__name__, function) for function in work]
-    monkeypatch.setattr(testing, "stages", lambda quick: listed)
+    monkeypatch.setattr(testing, "stages", lambda quick, only=None: listed)
     return testing.run_tests(quick=False, as_json=False)
 
 
@@ -123,6 +124,37 @@ def test_quick_is_a_part_of_all() -> None:
     full = [stage.name for stage in testing.stages(quick=False)]
     assert full[: len(quick)] == quick
     assert {"ctest host-asan", "ctest host-tsan", "fuzz", "clang-tidy"} <= set(full)
+
+
+def names(words: list[str], quick: bool) -> list[str]:
+    return [stage.name for stage in testing.stages(quick, testing.select(words, quick))]
+
+
+def test_only_takes_stages_files_and_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(testing, "ROOT", ROOT)
+    assert "link_test" in testing.cpp_programs() and "test_testing" in testing.python_tests()
+    assert names(["docs"], False) == ["docs"]
+    assert names(["test_testing", "test_gui"], False) == ["pytest"]
+    assert testing.select(["test_gui"], True).files == ("hil_tests/test_gui.py",)
+    assert names(["link_test"], False) == ["ctest host", "ctest host-asan", "ctest host-tsan"]
+    assert names(["link_test", "test_testing"], True) == ["ctest host", "pytest"]  # --quick counts
+    with pytest.raises(SceneError, match=r"--only sunshine: must be a stage \(format, .*test_gui, .*link_test"):
+        testing.select(["sunshine"], False)
+    with pytest.raises(SceneError, match="--only clang-tidy: is not among the stages of --quick"):
+        testing.select(["clang-tidy"], True)
+
+
+def test_only_runs_what_it_names(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(testing, "ROOT", ROOT)
+    run: list[list[str]] = []
+    monkeypatch.setattr(testing, "_run", lambda command, *_: run.append(list(command)) or True)
+    with (tmp_path / "log").open("w") as log:
+        for stage in testing.stages(True, testing.select(["link_test", "test_gui"], True)):
+            stage.work(log)
+    assert ["cmake", "--build", "--preset", "host"] == run[1][:4] and run[1][-2:] == ["--target", "link_test"]
+    assert run[2][run[2].index("-R") + 1] == "^(link_test)$"
+    assert all("hil_tests/test_gui.py" in command and "host/python/tests" not in command for command in run[3:]) and len(run) == 5
+    assert all("not slow" in command[-1] for command in run[3:])
 
 
 def test_threads_are_started_where_the_tests_notice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -184,6 +184,5 @@ def can_cases() -> tuple[Case, ...]:
 def chosen(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tuple[Case, ...]:
     """Those of the names, or of the groups with them; `quick`: some that stand for the rest. Empty where none is meant."""
     every = all_cases(medium)
-    if names:
-        return tuple(case for case in every if case.name in names or case.group in names)
-    return tuple(case for case in every if case.quick or not quick)
+    named = [case for case in every if not names or case.name in names or case.group in names]
+    return tuple(case for case in named if case.quick or not quick)

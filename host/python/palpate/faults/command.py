@@ -32,7 +32,11 @@ def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tu
         if name not in known:
             groups = ", ".join(dict.fromkeys(case.group for case in every))
             raise SceneError(f"--only {name}: must be a group ({groups}) or the name of a case")
-    return chosen(names, quick, medium)
+    cases = chosen(names, quick, medium)
+    if not cases:
+        stand = ", ".join(case.name for case in every if case.quick)
+        raise SceneError(f"--only {' '.join(names or ())} --quick: none of these is a quick case; those are {stand}")
+    return cases
 
 
 def _run(core: Any, case: Case | None, board: str, medium: str, good: Run | None = None) -> tuple[Run, int]:

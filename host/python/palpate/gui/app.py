@@ -22,6 +22,7 @@ from palpate.gui.mouse_hand import MouseHand
 from palpate.gui.plots import PlotPanel
 from palpate.gui.settings import Settings, shown
 from palpate.hil import BoardError
+from palpate.injected import faulty_sections
 from palpate.live import Live
 from palpate.record import RecordError
 from palpate.tip_path import TipPath
@@ -44,7 +45,7 @@ class App:
         self.message = ""
         self.show_cone = True
         self.emergency_stop = False
-        self.unplugged = False
+        self.unplugged = self.babbling = False
         self.last_recording: Path | None = None
         self.frames = 0  # drawn so far
         self.hand = MouseHand()
@@ -118,6 +119,11 @@ class App:
         """The link's cable."""
         self.unplugged = unplugged
         self.live.set_unplugged(unplugged)
+
+    def set_babbling(self, babbling: bool) -> None:
+        """A broken node on the CAN bus."""
+        self.babbling = babbling
+        self.live.set_babbling(babbling)
 
     def use_mouse(self, enabled: bool) -> None:
         """The mouse as the hand, from where the hand is; not before there is a tick that says where."""
@@ -235,8 +241,10 @@ class App:
         self._shown_tick = None
         self._tick_at.clear()
         self.controls.restarted(sections.hand.grip)
-        self.unplugged = False
+        self.unplugged = self.babbling = False
         self.use_mouse(False)
+        if not live.is_attached and (sections_with_faults := faulty_sections(sections)):
+            self.message = f"The scene's {' and '.join(sections_with_faults)} are not injected here: Faults to inject has others."
 
     def _restart(self, settings: Settings, path: TipPath | None = None) -> bool:
         """The loop that runs goes on, and nothing else changes, where the new one cannot be made: False then. But that beside an

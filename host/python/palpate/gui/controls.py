@@ -1,9 +1,9 @@
 """The panel of controls: scene, material, rates, board, faults, recording, view."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import polyscope.imgui as psim
 
@@ -11,17 +11,14 @@ from palpate.board_search import find_boards
 from palpate.gui.body_view import COLOURINGS
 from palpate.gui.settings import BAUDS, BUILDERS
 from palpate.hil import BOARDS
+from palpate.injected import fault_names
 from palpate.paths import SCENES
 from palpate.record_layout import BOARD_MODES
 
 if TYPE_CHECKING:
     from palpate.gui.app import App
+    from palpate.live import Live
 
-# Bits of BoardStatus.faults (docs/safety.md).
-FAULTS = (
-    "emergency stop", "stop command", "not a number", "encoder jump", "over speed", "outside workspace",
-    "over current", "force implausible", "deadline missed", "link lost", "energy created",
-)  # fmt: skip
 _MODE_COLOURS = {
     "boot": (0.75, 0.75, 0.75, 1.0), "idle": (0.55, 0.75, 1.0, 1.0), "calibrate": (0.80, 0.70, 1.0, 1.0),
     "render": (0.45, 0.95, 0.55, 1.0), "direct": (0.45, 0.85, 0.95, 1.0), "fault": (1.0, 0.45, 0.40, 1.0),
@@ -31,18 +28,14 @@ _STOP = (0.80, 0.10, 0.10, 1.0)
 _BAD = (1.0, 0.45, 0.40, 1.0)
 _DULL = (0.70, 0.70, 0.70, 1.0)
 _WARNING = (1.0, 0.70, 0.30, 1.0)
-_FAULT_KINDS = ("drop", "flip_bit", "truncate", "duplicate", "reorder")
+# On CAN a flipped bit is an error that every node sees (host/link/can_bus.hpp).
+_NAMES_ON_CAN = {"flip_bit": "error on the bus"}
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
 _SILENT_s = 0.5  # without a word of the board
 _OLD_MODEL_s = 0.5  # half of what a board renders before the force fades
 # Also for values that are typed in.
 _CLAMP = psim.ImGuiSliderFlags_AlwaysClamp
-
-
-def fault_names(bits: int) -> list[str]:
-    """Of BoardStatus.faults."""
-    return [name for bit, name in enumerate(FAULTS) if bits >> bit & 1]
 
 
 class Controls:
@@ -92,7 +85,9 @@ class Controls:
         if mode == "suspended":
             psim.TextColored(_WARNING, "goes on by itself with the next model")
         for name in fault_names(live.status["board_faults"]):
-            psim.TextColored(_BAD, f"  {name}")
+            psim.TextColored(_BAD, f"  {name.replace('_', ' ')}")
+        if not live.is_attached:
+            self._troubles(live)
         psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
         psim.PushStyleColor(psim.ImGuiCol_Text, (1.0, 1.0, 1.0, 1.0))
         label = "release e-stop" if app.emergency_stop else "E-STOP (space)"
@@ -208,16 +203,43 @@ class Controls:
             psim.TextColored(_DULL, "only into an emulated board's link")
             return
         _, self._direction = psim.Combo("frames", self._direction, ["to the board", "to the host"])
-        _, self._fault_kind = psim.Combo("fault", self._fault_kind, _FAULT_KINDS)
+        self._fault_kind = min(self._fault_kind, len(live.fault_kinds) - 1)  # CAN has fewer
+        names = [_NAMES_ON_CAN.get(kind, kind) if live.is_on_can else kind for kind in live.fault_kinds]
+        _, self._fault_kind = psim.Combo("fault", self._fault_kind, names)
         _, self._fault_count = psim.SliderInt("of the next", self._fault_count, 1, 1000, "%d frames", _CLAMP)
         direction = ("down", "up")[self._direction]
-        kind = _FAULT_KINDS[self._fault_kind]
-        _button(app, "inject", live.takes_faults, lambda: live.add_faults(direction, kind, self._fault_count))
+        kind = live.fault_kinds[self._fault_kind]
+        _button(app, "inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
+        if live.is_on_can:
+            psim.SetItemTooltip("frames of the bus; errors at 32 attempts in a row take the sender off the bus")
         psim.SameLine()
         changed, unplugged = psim.Checkbox("cable out", app.unplugged)
         if changed:
             app.later(partial(app.set_unplugged, unplugged))
+        if live.is_on_can:
+            changed, babbling = psim.Checkbox("a node babbles", app.babbling)
+            if changed:
+                app.later(partial(app.set_babbling, babbling))
         _button(app, "an overlong tick", live.board_name != "native", live.burn_next_tick)
+
+    def _medium(self, live: "Live") -> None:
+        """The link, and how busy it has been."""
+        status = live.status
+        ways = {way: status[way] for way in ("down", "up")}
+        ticks = max(status["tick"], 1)
+        busy = ", ".join(f"{100.0 * of['busy_ticks'] / ticks:.0f} % {way}" for way, of in ways.items())
+        psim.Text(f"{live.medium}: busy {busy}")
+
+    def _troubles(self, live: "Live") -> None:
+        """Errors on a CAN bus, and what the faults that were injected have done: where nobody has to scroll."""
+        status = live.status
+        ways = (status["down"], status["up"])
+        sent_again, offs = (sum(of[name] for of in ways) for name in ("attempts_failed", "bus_offs"))
+        if sent_again:
+            _wrapped(_WARNING, f"errors on the bus: {sent_again:,}; a sender off it: {offs}")
+        injected = _injected(status["troubles"])
+        if injected:
+            _wrapped(_WARNING, f"injected: {injected}")
 
     def _numbers(self, app: "App") -> None:
         live = app.live
@@ -230,6 +252,8 @@ class Controls:
             psim.TextColored(_WARNING, f"the model is {age_s[-1]:.1f} s old: machine or link\nis too slow, and the force fades")
         psim.Text(f"models {status['models_taken']} of {status['models_sent']}, refused {status['models_refused']}")
         psim.Text(f"frames lost: {status['frames_lost_down']} down, {status['frames_lost_up']} up")
+        if not live.is_attached:
+            self._medium(live)
         if status["links_opened"] > 1:
             psim.TextColored(_WARNING, f"link opened again {status['links_opened'] - 1} times")
         psim.Text(f"missed deadlines {status['board_missed_deadlines']}")
@@ -238,6 +262,14 @@ class Controls:
             psim.Text(f"tip {x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f} mm: {live.contact.mode}")
         if app.message:
             _wrapped(_WARNING, app.message)
+
+
+def _injected(troubles: Mapping[str, Any]) -> str:
+    """What the faults that were injected did, both directions together; empty where there was none."""
+    kinds = [kind for kind in troubles["down"] if kind != "frames"]
+    of = {kind: troubles["down"][kind] + troubles["up"][kind] for kind in kinds}
+    of["of another node"] = troubles["foreign_frames"]
+    return ", ".join(f"{kind} {number:,}" for kind, number in of.items() if number)
 
 
 def _wrapped(colour: tuple[float, float, float, float], text: str) -> None:
