@@ -15,7 +15,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from palpate import __version__, versions
+from palpate import __version__, kernel_links, versions
 from palpate.colour import Colour
 from palpate.paths import SOURCE
 
@@ -166,7 +166,8 @@ def check_serial_ports() -> Iterator[Check]:
         return
     ports = [port for port in list_ports.comports() if port.vid is not None]
     if not ports:
-        yield Check("serial ports", True, "none on USB; boards in QEMU and native need none", needed=False)
+        may = "this user may open them" if may_open("dialout") else "this user may not open them: sudo adduser $USER dialout, then log in again"
+        yield Check("serial ports", True, f"none on USB; boards in QEMU and native need none; {may}", needed=False)
     for port in ports:
         name = f"serial port {port.device}"
         found = f"{port.description} ({port.vid:04x}:{port.pid:04x})"
@@ -175,6 +176,53 @@ def check_serial_ports() -> Iterator[Check]:
         else:
             group = _group_of(port.device)
             yield Check(name, False, f"{found}: no permission", f"sudo adduser $USER {group}, then log in again", False)
+
+
+def check_can() -> Iterator[Check]:
+    """CAN interfaces of the kernel: up, off the bus, for which frames, at which rates."""
+    interfaces = kernel_links.ask_ip()
+    if interfaces is None:
+        yield Check("CAN interfaces", False, "not known: the program ip does not answer", "apt-get install iproute2: only for a board on CAN", False)
+        return
+    if not interfaces:
+        yield Check("CAN interfaces", True, "none; the CAN buses of scenes are in virtual time and need none", needed=False)
+    for one in interfaces:
+        yield Check(f"CAN interface {one.name}", not one.remedy(), one.text(), one.remedy(), False)
+
+
+def check_usb() -> Iterator[Check]:
+    """The board's own USB interface: who may open it."""
+    rule = kernel_links.installed_rule()
+    file = kernel_links.RULE if SOURCE is None else SOURCE / kernel_links.RULE
+    install = f"sudo cp {file} /etc/udev/rules.d/ && sudo udevadm control --reload && sudo udevadm trigger"
+    told = f"udev rule {rule}" if rule else "no udev rule"
+    devices = kernel_links.usb_devices()
+    if not devices:
+        found = f"no {':'.join(kernel_links.BOARD_USB)} is plugged in; {told}"
+        yield Check("USB devices", True, found if rule else f"{found} (for one: {install})", needed=False)
+    for device in devices:
+        good = os.access(device, os.R_OK | os.W_OK)
+        found = f"{':'.join(kernel_links.BOARD_USB)}, {told}{'' if good else ': no permission'}"
+        remedy = "" if good else f"{install}, then plug it in again" if rule is None else "plug it in again, and log in at this computer itself"
+        yield Check(f"USB device {device}", good, found, remedy, False)
+
+
+def check_guest_kernel(root: Path) -> Check:
+    """The kernel of the tests of SocketCAN and libusb."""
+    image = kernel_links.guest_kernel(root)
+    if image is None:
+        return Check("Linux kernel for tests", False, "not unpacked", "rm -f .venv/dependencies.sha256; ./run --help unpacks it", False)
+    return Check("Linux kernel for tests", True, image.name.removeprefix("vmlinuz-"), needed=False)
+
+
+def may_open(group: str) -> bool:
+    """Is this user in it, or root?"""
+    import grp
+
+    try:
+        return os.geteuid() == 0 or grp.getgrnam(group).gr_gid in os.getgroups()
+    except KeyError:
+        return False
 
 
 def _group_of(device: str) -> str:
@@ -215,7 +263,11 @@ def examine() -> list[Check]:
         checks += [check_tool(tool) for tool in TOOLS]
         checks += check_packages(pinned_packages((SOURCE / "dependencies.txt").read_text("utf-8")))
     checks.append(check_display(dict(os.environ)))
+    if SOURCE is not None:
+        checks.append(check_guest_kernel(SOURCE))
     checks += check_serial_ports()
+    checks += check_usb()
+    checks += check_can()
     checks += check_boards()
     return checks
 

@@ -1,6 +1,11 @@
 """Versions, and `palpate doctor`: what is there is told, what is missing is named with a remedy."""
 
+import grp
 import json
+import os
+import re
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +14,7 @@ import fake_core
 import pytest
 from command import ROOT, palpate
 
-from palpate import __version__, cli, doctor, versions
+from palpate import __version__, cli, doctor, kernel_links, versions
 from palpate.doctor import Check, Tool
 from palpate.hil import BOARDS
 from palpate.versions import Firmware
@@ -134,3 +139,102 @@ def test_here_all_that_is_needed_is_there() -> None:
     problems = [check for check in told["checks"] if check["needed"] and not check["ok"]]
     assert (done.returncode, problems) == (0, [])
     assert done.stderr.splitlines()[-1].startswith("palpate doctor: all that is needed is there")
+
+
+# As iproute2 6.1 prints them: `ip -details -json link show` of can0 (candleLight), can1 (FD), vcan0 and a network card.
+IP_SAYS = [
+    {"ifname": "eth0", "flags": ["UP"], "mtu": 1500, "link_type": "ether"},
+    {
+        "ifname": "can0", "flags": ["NOARP", "UP", "ECHO"], "mtu": 16, "operstate": "UP", "link_type": "can",
+        "linkinfo": {"info_kind": "can", "info_data": {"state": "BUS-OFF", "restart_ms": 0, "bittiming": {"bitrate": 1000000}}},
+    },
+    {
+        "ifname": "can1", "flags": ["NOARP", "UP", "LOWER_UP", "ECHO"], "mtu": 72, "operstate": "UP", "link_type": "can",
+        "linkinfo": {"info_kind": "can", "info_data": {
+            "ctrlmode": ["FD"], "state": "ERROR-ACTIVE", "restart_ms": 100, "bittiming": {"bitrate": 1000000},
+            "data_bittiming": {"bitrate": 5000000}}},
+    },
+    {"ifname": "can2", "flags": ["NOARP", "ECHO"], "mtu": 16, "link_type": "can", "linkinfo": {"info_kind": "can", "info_data": {"state": "STOPPED"}}},
+    {"ifname": "vcan0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72, "link_type": "can", "linkinfo": {"info_kind": "vcan"}},
+]  # fmt: skip
+
+
+def test_can_interfaces_are_told_as_the_kernel_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = kernel_links.can_interfaces(IP_SAYS)
+    assert [one.text() for one in found] == [
+        "up, bus-off, classic CAN, 1,000,000 bit/s",
+        "up, error-active, CAN FD, 1,000,000 bit/s and 5,000,000 bit/s",
+        "down, stopped, classic CAN",
+        "up, virtual, CAN FD",
+    ]
+    monkeypatch.setattr(kernel_links, "ask_ip", lambda: found)
+    checks = list(doctor.check_can())
+    assert [(check.name[-5:].strip(), check.ok, check.needed) for check in checks] == [
+        ("can0", False, False), ("can1", True, False), ("can2", False, False), ("vcan0", True, False)
+    ]  # fmt: skip
+    assert "type can restart" in checks[0].remedy and "can2 up type can bitrate" in checks[2].remedy
+    monkeypatch.setattr(kernel_links, "ask_ip", lambda: None)
+    assert [check.ok for check in doctor.check_can()] == [False]
+    monkeypatch.setattr(kernel_links, "ask_ip", lambda: [])
+    assert [check.ok for check in doctor.check_can()] == [True]
+
+
+def test_what_ip_says_here_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
+    if shutil.which("ip", path=f"{os.environ['PATH']}:/usr/sbin:/sbin"):
+        assert kernel_links.ask_ip() is not None
+    monkeypatch.setattr(kernel_links.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 0, stdout="no JSON"))
+    assert kernel_links.ask_ip() is None
+
+
+def test_usb_devices_and_the_rule(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name, values in {
+        "1-1": {"idVendor": "1209", "idProduct": "0001", "busnum": "1", "devnum": "12"},
+        "1-2": {"idVendor": "1209", "idProduct": "0002", "busnum": "1", "devnum": "13"},
+        "usb1": {},
+    }.items():
+        (tmp_path / name).mkdir()
+        for file, text in values.items():
+            (tmp_path / name / file).write_text(f"{text}\n")
+    devices = kernel_links.usb_devices(tmp_path)
+    assert devices == [Path("/dev/bus/usb/001/012")]
+    assert kernel_links.usb_devices(tmp_path / "none") == []
+    monkeypatch.setattr(kernel_links, "usb_devices", lambda: devices)
+    monkeypatch.setattr(kernel_links, "installed_rule", lambda: None)
+    (refused,) = doctor.check_usb()  # there is no such device here
+    assert not refused.ok and not refused.needed and f"sudo cp {ROOT / kernel_links.RULE} /etc/udev/rules.d/" in refused.remedy
+    monkeypatch.setattr(doctor.os, "access", lambda *_: True)
+    assert [check.ok for check in doctor.check_usb()] == [True]
+    (tmp_path / "70-palpate.rules").write_text("")
+    monkeypatch.undo()
+    assert kernel_links.installed_rule([str(tmp_path / "none"), str(tmp_path)]) == tmp_path / "70-palpate.rules"
+    assert kernel_links.installed_rule([str(tmp_path / "none")]) is None
+
+
+def test_the_rule_is_about_the_boards_identifiers() -> None:
+    source = (ROOT / "firmware/usb/descriptors.hpp").read_text()
+    vendor, product = kernel_links.BOARD_USB
+    assert re.search(rf"0x{vendor}\b", source) and re.search(rf"0x{product}\b", source, re.IGNORECASE)
+    lines = [line for line in (ROOT / kernel_links.RULE).read_text().splitlines() if not line.startswith("#")]
+    assert len(lines) == 2 and all(f'=="{vendor}"' in line and f'=="{product}"' in line and 'TAG+="uaccess"' in line for line in lines)
+    assert int(Path(kernel_links.RULE).name[:2]) < 73
+    assert kernel_links.RULE in (ROOT / "docs/links.md").read_text()
+
+
+def test_the_kernel_for_tests(tmp_path: Path) -> None:
+    missing = doctor.check_guest_kernel(tmp_path)
+    assert not missing.ok and not missing.needed and missing.remedy
+    unpacked = tmp_path / ".venv/unpacked/linux-image-amd64"
+    (unpacked / "boot").mkdir(parents=True)
+    (unpacked / "boot/vmlinuz-6.1.0").write_text("")
+    assert not doctor.check_guest_kernel(tmp_path).ok  # without its modules
+    (unpacked / "lib/modules/6.1.0").mkdir(parents=True)
+    (unpacked / "lib/modules/6.1.0/modules.builtin").write_text("")
+    assert doctor.check_guest_kernel(tmp_path).found == "6.1.0"
+
+
+def test_who_may_open_serial_ports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor.os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(doctor.os, "getgroups", lambda: [1000])
+    assert not doctor.may_open("dialout") and not doctor.may_open("no_such_group")
+    monkeypatch.setattr(doctor.os, "getgroups", lambda: [1000, grp.getgrnam("dialout").gr_gid])
+    assert doctor.may_open("dialout")
