@@ -1,5 +1,5 @@
-"""Writes the tables of docs/scenes.md, records.md and frontier.md from the declarations in the code, and that of numbers.md
-from the measurements in docs/numbers.
+"""Writes the tables of docs/scenes.md, records.md and frontier.md from the declarations in the code, that of numbers.md
+from the measurements in docs/numbers, and the programs that stand in other pages.
 
 `python -m palpate.docs` rewrites what stands between the markers `<!-- begin NAME -->` and `<!-- end NAME -->`;
 with `--check` it only says whether that would change anything.
@@ -22,6 +22,12 @@ from palpate.scene_schema import Choice, Flag, ListOf, TablesOf, Text, key_specs
 from palpate.scene_sections import SceneFile
 
 NUMBERS = ROOT / "docs/numbers/scenes.json"
+# Programs that stand in a page: a forge shows the page as it is, so the text is in it and not included when the site is built.
+LISTINGS = {
+    "listen_with_pycyphal": "docs/examples/listen_with_pycyphal.py",
+    "touch_a_body": "docs/examples/touch_a_body.py",
+    "example_wall": "host/device_api/example_wall.c",
+}
 _MARKED = re.compile(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", re.DOTALL)
 
 
@@ -165,7 +171,13 @@ def blocks() -> dict[str, str]:
         "counters": _table(
             ["attribute", "meaning"], [[f"`{k}`", v] for k, v in record_layout.RUN_COUNTERS.items()]
         ),
+        **{name: _listing(file) for name, file in LISTINGS.items()},
     }
+
+
+def _listing(file: str) -> str:
+    language = {"py": "python"}.get(file.rpartition(".")[2], "c")
+    return f"```{language}\n{(ROOT / file).read_text('utf-8').rstrip()}\n```"
 
 
 def rewrite(text: str) -> str:
@@ -174,7 +186,7 @@ def rewrite(text: str) -> str:
     return _MARKED.sub(lambda m: f"<!-- begin {m[1]} -->\n{generated[m[1]]}\n<!-- end {m[1]} -->", text)
 
 
-FILES = tuple(ROOT / f"docs/{name}.md" for name in ("scenes", "records", "frontier", "numbers"))
+FILES = tuple(ROOT / f"docs/{name}.md" for name in ("scenes", "records", "frontier", "numbers", "protocol", "device_api", "first_evening"))
 
 
 def outdated(files: Sequence[Path] = FILES) -> list[Path]:

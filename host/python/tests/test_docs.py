@@ -27,6 +27,13 @@ def test_outdated_tables_are_noticed(tmp_path: Path) -> None:
     assert file.read_text().endswith("\nafter\n")
 
 
+def test_a_page_is_whole_where_it_is_read_as_it_is() -> None:
+    """A forge shows a page as the file has it: nothing is included only when the site is built."""
+    for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        assert "--8<--" not in page.read_text("utf-8"), page
+    assert docs.rewrite("<!-- begin touch_a_body -->\n<!-- end touch_a_body -->").count((ROOT / docs.LISTINGS["touch_a_body"]).read_text().rstrip()) == 1
+
+
 def test_the_example_in_the_scene_documentation_is_a_scene(tmp_path: Path) -> None:
     text = (ROOT / "docs/scenes.md").read_text("utf-8")
     examples = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
