@@ -19,7 +19,8 @@ pytestmark = pytest.mark.skipif(not NUCLEO_IMAGE.exists(), reason="the image for
 from palpate.machine.clock import BROWN_OUT_RESET, PIN_RESET, SOFTWARE_RESET, WATCHDOG_RESET
 from palpate.machine.gpio import ALTERNATE, ANALOG
 from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
-from palpate.machine.stm32g474 import CLOCK_Hz, Image
+from palpate.machine.part import Image
+from palpate.machine.stm32g474 import CLOCK_Hz
 
 SECOND = CLOCK_Hz
 # A step of the DAC is 16 A / 4096.

@@ -10,8 +10,8 @@ from pathlib import Path
 from palpate import hil
 from palpate.machine.flash import BASE as FLASH_BASE
 from palpate.machine.lockstep import identity
+from palpate.machine.part import Image
 from palpate.machine.peripheral import MachineError
-from palpate.machine.stm32g474 import Image
 from palpate.scene_checks import NUCLEO as BOARD  # the only one that is no emulator
 from palpate.scene_schema import SceneError
 

@@ -9,7 +9,7 @@ import pytest
 
 from palpate import cli, hil
 from palpate.flash import BOARD, flat
-from palpate.machine.stm32g474 import Image
+from palpate.machine.part import Image
 
 IMAGE = hil.BOARDS[BOARD].image
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the image for nucleo_g474re is not built: ./run does it")

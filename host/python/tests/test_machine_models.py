@@ -7,7 +7,8 @@ import pytest
 pytest.importorskip("unicorn", reason="Unicorn, which runs the image for the STM32G474, is not installed: ./run does it")
 
 from palpate.machine.peripheral import MachineError
-from palpate.machine.stm32g474 import Image, Stm32g474
+from palpate.machine.part import Image
+from palpate.machine.stm32g474 import Stm32g474
 
 RCC, FLASH, PWR = 0x40021000, 0x40022000, 0x40007000
 TIM2, DAC1, ADC1, IWDG, FDCAN2, USB = 0x40000000, 0x50000800, 0x50000000, 0x40003000, 0x40006800, 0x40005C00

@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("unicorn", reason="Unicorn, which runs the image for the STM32G474, is not installed: ./run does it")
 
 from palpate.machine.peripheral import Peripheral
-from palpate.machine.stm32g474 import Image, Stm32g474
+from palpate.machine.part import Image
+from palpate.machine.stm32g474 import Stm32g474
 from palpate.paths import ROOT
 
 SVD = ROOT.parent / "shared/stm32g474/STM32G474.svd"

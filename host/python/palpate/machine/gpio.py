@@ -1,17 +1,23 @@
 """Ports of pins (RM0440, 9)."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from palpate.machine.peripheral import Chip, Peripheral
 
 INPUT, OUTPUT, ALTERNATE, ANALOG = range(4)
 _PULL_UP = 1
-# Reset values of MODER, OSPEEDR and PUPDR: the debugger's pins are in use.
-_RESETS = {"GPIOA": (0xABFFFFFF, 0x0C000000, 0x64000000), "GPIOB": (0xFFFFFEBF, 0x000000C0, 0x00000100)}
 
 
 class Gpio(Peripheral):
     """outside[pin] is the level that something outside drives it to; None or absent: nothing."""
+
+    # Reset values of MODER, OSPEEDR and PUPDR, of an STM32G474: the debugger's pins are in use. Of the other ports: RESET.
+    RESETS: ClassVar[dict[str, tuple[int, int, int]]] = {
+        "GPIOA": (0xABFFFFFF, 0x0C000000, 0x64000000),
+        "GPIOB": (0xFFFFFEBF, 0x000000C0, 0x00000100),
+    }
+    RESET: ClassVar[tuple[int, int, int]] = (0xFFFFFFFF, 0, 0)
 
     REGISTERS = {
         "MODER": (0x00, 0xFFFFFFFF),
@@ -34,7 +40,7 @@ class Gpio(Peripheral):
 
     def reset(self) -> None:
         super().reset()
-        mode, speed, pull = _RESETS.get(self.name, (0xFFFFFFFF, 0, 0))
+        mode, speed, pull = self.RESETS.get(self.name, self.RESET)
         self.value |= {"MODER": mode, "OSPEEDR": speed, "PUPDR": pull}
         self.changed()
 

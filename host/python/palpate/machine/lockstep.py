@@ -15,8 +15,9 @@ from typing import BinaryIO
 
 from palpate.machine.links import link_of
 from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
+from palpate.machine.part import Image
 from palpate.machine.peripheral import MachineError
-from palpate.machine.stm32g474 import CLOCK_Hz, Image
+from palpate.machine.stm32g474 import CLOCK_Hz
 
 _LINK_BYTES = 2048
 _SENSORS = struct.Struct(f"<II3i3fII{_LINK_BYTES}s")

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from palpate.machine.stm32g474 import CLOCK_Hz, Image, Stm32g474
+from palpate.machine.part import Image
+from palpate.machine.stm32g474 import CLOCK_Hz, Stm32g474
 
 _ENABLE = ("B", 1)
 _EMERGENCY_STOP = ("B", 14)

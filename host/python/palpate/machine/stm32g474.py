@@ -1,33 +1,23 @@
 """An STM32G474: processor, memory, and models of the peripherals that the firmware uses."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from fractions import Fraction
 from functools import partial
-from pathlib import Path
-from typing import Any
-
-from elftools.elf.elffile import ELFFile
 
 from palpate.machine.analog import Adc, AdcCommon, Dac
 from palpate.machine.clock import BROWN_OUT_RESET, PIN_RESET, SOFTWARE_RESET, WATCHDOG_RESET, Crs, Pwr, Rcc
-from palpate.machine.core import Core
 from palpate.machine.dma import Dma, Dmamux
 from palpate.machine.fdcan import Fdcan, MessageMemory
-from palpate.machine.flash import BASE as FLASH_BASE
 from palpate.machine.flash import BYTES as FLASH_BYTES
 from palpate.machine.flash import Flash
 from palpate.machine.gpio import Gpio, Syscfg
 from palpate.machine.lpuart import Lpuart
 from palpate.machine.nvic import SystemReset
+from palpate.machine.part import Image, Part
 from palpate.machine.peripheral import MachineError, Peripheral
 from palpate.machine.timer import BasicTimer, Timer
 from palpate.machine.usb import PacketMemory, UsbDevice
 from palpate.machine.watchdog import Watchdog
 
 CLOCK_Hz = 170_000_000
-# Upper bound of the cycles of an instruction, docs/decisions/cycles.md.
-CYCLES_PER_INSTRUCTION = Fraction(9, 5)
 RAM = {0x20000000: 128 * 1024}
 UNIQUE_ID = (0x004E0042, 0x34335105, 0x20333951)
 # Requests of the multiplexer (RM0440, table 91) and triggers of the ADC (table 163).
@@ -73,77 +63,12 @@ class _Identity(Peripheral):
         raise MachineError(f"store to {self.name} + {offset:#x}: it can only be read")
 
 
-class _Clocked:
-    """A peripheral that answers only while its clock is on: without, silicon reads zeros and forgets, which is a
-    fault of the firmware here."""
-
-    def __init__(self, inner: Peripheral, rcc: Rcc, register: str, bit: int) -> None:
-        self._inner, self._rcc, self._register, self._bit = inner, rcc, register, bit
-        self.name, self.base, self.BYTES = inner.name, inner.base, inner.BYTES
-
-    def _check(self) -> None:
-        if not self._rcc.value[self._register] >> self._bit & 1:
-            raise MachineError(f"access to {self.name} while its clock is off (RCC_{self._register}, bit {self._bit})")
-
-    def read(self, offset: int, size: int) -> int:
-        self._check()
-        return self._inner.read(offset, size)
-
-    def write(self, offset: int, size: int, value: int) -> None:
-        self._check()
-        self._inner.write(offset, size, value)
-
-
-@dataclass(frozen=True)
-class Image:
-    """What is flashed: bytes by address, and the addresses of its objects."""
-
-    segments: tuple[tuple[int, bytes], ...]
-    symbols: dict[str, int]
-
-    def read_flash(self, address: int, length: int) -> bytes:
-        """Bytes of it. Raises MachineError where there are none."""
-        for first, data in self.segments:
-            if first <= address and address + length <= first + len(data):
-                return data[address - first : address - first + length]
-        raise MachineError(f"the image has no {length} bytes at {address:#010x}")
-
-    @classmethod
-    def read(cls, file: Path) -> "Image":
-        """Raises MachineError where the file is no image for this part."""
-        try:
-            with file.open("rb") as stream:
-                elf = ELFFile(stream)
-                segments = tuple(
-                    (segment["p_paddr"], segment.data())
-                    for segment in elf.iter_segments()
-                    if segment["p_type"] == "PT_LOAD" and segment["p_filesz"]
-                )
-                table: Any = elf.get_section_by_name(".symtab")
-                symbols = {symbol.name: symbol["st_value"] for symbol in table.iter_symbols()} if table else {}
-        except Exception as error:  # the library has many
-            raise MachineError(f"{file}: not an ELF file: {error}") from None
-        for address, data in segments:
-            if not FLASH_BASE <= address <= address + len(data) <= FLASH_BASE + FLASH_BYTES:
-                raise MachineError(
-                    f"{file}: {len(data)} bytes at {address:#010x} are outside of the flash "
-                    f"({FLASH_BASE:#010x} to {FLASH_BASE + FLASH_BYTES:#010x})"
-                )
-        return cls(segments, symbols)
-
-
-class Stm32g474:
+class Stm32g474(Part):
     """The part. data_bytes: at the end of the flash, which the firmware writes."""
 
     def __init__(self, image: Image, data_bytes: int = 8192) -> None:
-        self.image = image
-        self.flash_memory = bytearray(b"\xff" * FLASH_BYTES)
-        for address, data in image.segments:
-            self.flash_memory[address - FLASH_BASE : address - FLASH_BASE + len(data)] = data
-        self.core = core = Core(FLASH_BASE, self.flash_memory, data_bytes, RAM, CYCLES_PER_INSTRUCTION)
-        self.resets = 0
-        self.cycle_of_reset = 0
-
+        super().__init__(image, FLASH_BYTES, data_bytes, RAM, SOFTWARE_RESET)
+        core = self.core
         for base, size in ((0x40000000, 0x30000), (0x48000000, 0x2000), (0x50000000, 0x1000), (0xE000E000, 0x1000), (0x1FFF7000, 0x1000)):
             core.map_bus(base, size)
         self.pwr = Pwr(self, "PWR", 0x40007000)
@@ -171,7 +96,7 @@ class Stm32g474:
         usb_memory = PacketMemory(self, "USB_memory", 0x40006000)
         self.usb = UsbDevice(self, "USB", 0x40005C00, usb_memory, 20)
         self.watchdog = Watchdog(self, "IWDG", 0x40003000, CLOCK_Hz)
-        self.peripherals: tuple[Peripheral, ...] = (
+        peripherals: tuple[Peripheral, ...] = (
             self.pwr,
             self.rcc,
             self.flash,
@@ -192,10 +117,7 @@ class Stm32g474:
             self.watchdog,
             _Identity(self, "UID", 0x1FFF7500),
         )
-        for peripheral in self.peripherals:
-            clock = _CLOCKS.get(peripheral.name)
-            core.attach(_Clocked(peripheral, self.rcc, *clock) if clock else peripheral)
-        core.attach(core.nvic)
+        self.attach(peripherals, self.rcc, _CLOCKS)
         self._connect()
         core.reset()
 
@@ -231,49 +153,15 @@ class Stm32g474:
     def _bite(self) -> None:
         raise WatchdogReset("the watchdog was not fed")
 
-    def has_clock(self, peripheral: str) -> bool:
-        """Has the firmware switched its clock on?"""
-        register, bit = _CLOCKS[peripheral]
-        return bool(self.rcc.value[register] >> bit & 1)
-
-    # Chip
-
-    @property
-    def cycle(self) -> int:
-        return self.core.cycle
-
-    def after(self, cycles: int, action: Callable[[], None]) -> None:
-        self.core.after(cycles, action)
-
-    def set_line(self, interrupt: int, level: bool) -> None:
-        self.core.nvic.set_line(interrupt, level)
-
-    # Running
-
-    def reset(self, cause: int) -> None:
-        """Everything but memory as after a reset; the cause is in RCC_CSR."""
-        self.resets += 1
-        self.cycle_of_reset = self.core.cycle
+    def note_cause(self, cause: int) -> None:
         self.rcc.reset_cause = self.rcc.value["CSR"] & 0xFE000000 | cause
-        for peripheral in self.peripherals:
-            peripheral.reset()
-        self.core.reset()
 
     def power_cycle(self) -> None:
         """Power goes away and comes back: memory is lost but for the flash."""
-        for base, size in RAM.items():
+        for base, size in self.ram.items():
             self.core.store(base, b"\xa5" * size)
         self.rcc.value["CSR"] = 0
         self.reset(BROWN_OUT_RESET | PIN_RESET)
-
-    def run(self, until: Callable[[], bool], limit_cycles: int) -> bool:
-        """As Core.run; resets happen, and are counted."""
-        end = self.core.cycle + limit_cycles
-        while True:
-            try:
-                return self.core.run(until, end - self.core.cycle)
-            except SystemReset as reset:
-                self.reset(getattr(reset, "cause", SOFTWARE_RESET))
 
 
 class WatchdogReset(SystemReset):
