@@ -150,11 +150,14 @@ def build_parser() -> argparse.ArgumentParser:
         from palpate.fuzzing.targets import TARGETS
 
         command.add_argument("target", choices=(*TARGETS, "all"), metavar="TARGET", help=f"{', '.join(TARGETS)}, or all")
-        command.add_argument("--runs", type=int, metavar="N", help="executions of each target (default: as in palpate test)")
-        command.add_argument("--seed", type=int, default=1, metavar="S", help="of the mutations, at least 1 (default: 1)")
+        amount = command.add_mutually_exclusive_group()
+        amount.add_argument("--runs", type=int, metavar="N", help="executions of each target (default: as in palpate test)")
+        amount.add_argument("--time-s", type=int, metavar="T", help="as many as there are in T s for each target")
+        command.add_argument("--seed", type=int, metavar="S", help="of the mutations, at least 1 (default: another each time)")
         command.add_argument(
             "--keep", action="store_true", help="take the smallest inputs that reach something new into host/fuzz/corpus"
         )
+        command.add_argument("--ledger", action="store_true", help="add what was executed to host/fuzz/ledger.csv")
 
     demo = add("demo", "run scenes/demo.toml, firmware in QEMU, and check the result")
     add_out(demo, "out/demo")
@@ -656,22 +659,29 @@ def _test(arguments: argparse.Namespace) -> int:
 
 
 def _fuzz(arguments: argparse.Namespace) -> int:
-    from palpate.fuzzing import command, targets as known
+    from secrets import randbelow
 
-    for name in ("runs", "seed"):
+    from palpate.fuzzing import command, ledger, targets as known
+    from palpate.fuzzing.outcome import Effort
+
+    for name in ("runs", "time_s", "seed"):
         value = getattr(arguments, name)
         if value is not None and not 1 <= value < 2**31:
-            raise SceneError(f"palpate fuzz: --{name} is {value}: must be in [1, {2**31 - 1}]")
+            raise SceneError(f"palpate fuzz: --{name.replace('_', '-')} is {value}: must be in [1, {2**31 - 1}]")
     targets = known.TARGETS if arguments.target == "all" else (arguments.target,)
-    outcomes = command.run(targets, arguments.runs, arguments.seed, arguments.keep, _progress)
+    effort = Effort(arguments.runs, arguments.time_s, arguments.seed or 1 + randbelow(2**31 - 1))
+    outcomes = command.run(targets, effort, arguments.keep, _progress)
+    if arguments.ledger:
+        ledger.add(outcomes, effort.seed)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     for outcome in outcomes:
         found = "nothing found" if outcome.finding is None else f"FOUND, with {outcome.file}"
-        print(f"{outcome.target}: {outcome.executions:,} executions, {found}", file=table)
+        print(f"{outcome.target}: {outcome.executions:,} executions from seed {effort.seed}, {found}", file=table)
         if outcome.finding is not None:
             _tell(outcome.finding, "red")
     if arguments.json:
-        print(json.dumps({one.target: {"executions": one.executions, "finding": one.finding, "file": one.file and str(one.file)} for one in outcomes}))
+        found_of = {one.target: {"executions": one.executions, "finding": one.finding, "file": one.file and str(one.file)} for one in outcomes}
+        print(json.dumps({"seed": effort.seed, "targets": found_of}))
     return OK if all(outcome.finding is None for outcome in outcomes) else FAILED
 
 

@@ -30,7 +30,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5",
         "xvfb-run -a ./run gui --duration 5 --screenshot out/gui.png",
     ),
-    "fuzz": ("./run fuzz board --runs 2000", "./run fuzz all --json"),
+    "fuzz": ("./run fuzz board --runs 2000", "./run fuzz can --time-s 60 --ledger", "./run fuzz all --json"),
     "device": (
         "./run device",
         "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10",

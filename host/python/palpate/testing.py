@@ -303,14 +303,15 @@ def clang_tidy_findings(output: str) -> list[str]:
 def run_fuzz(log: IO[str]) -> Count:
     """A fixed number of executions of every fuzz target, from the same seed in each run; one test a target."""
     from palpate.fuzzing import command
-    from palpate.fuzzing.native import NotBuilt
+    from palpate.fuzzing.libfuzzer import NotBuilt
+    from palpate.fuzzing.outcome import Effort
     from palpate.fuzzing.targets import TARGETS
 
     count = Count()
     executions = 0
     for target in TARGETS:
         try:
-            outcome = command.run((target,), None, 1, False, lambda *_: nullcontext(lambda *_: None))[0]
+            outcome = command.run((target,), Effort(None, None, 1), False, lambda *_: nullcontext(lambda *_: None))[0]
         except NotBuilt as reason:
             count.skips.append(str(reason))
             continue

@@ -1,7 +1,9 @@
 """Fuzzing: what it writes is what it says, a finding is one, and what it has found stays mended."""
 
 import base64
-import random
+import csv
+import re
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -12,9 +14,12 @@ import numpy as np
 import pytest
 from command import ROOT
 
-from palpate.fuzzing import command, native, python
+from palpate.fuzzing import command, ledger, libfuzzer
+from palpate.fuzzing.draw import Draw
+from palpate.fuzzing.outcome import Effort, Outcome
 from palpate.fuzzing.records import RecordFuzz
-from palpate.fuzzing.targets import TARGETS
+from palpate.fuzzing.scenes import SceneFuzz
+from palpate.fuzzing.targets import IN_PYTHON, TARGETS
 from palpate.fuzzing.values import mutate_tree
 from palpate.record import BadRecord, load
 from palpate.replay import load_source
@@ -25,63 +30,102 @@ def quiet(done: int, total: int) -> None:
 
 
 def test_every_target_is_run_and_has_a_corpus() -> None:
-    assert sorted(command.listed_in_cmake()) == sorted(set(TARGETS) - set(python.TARGETS))
-    for target in command.listed_in_cmake():
+    assert sorted(command.listed_in_cmake()) == sorted(set(TARGETS) - set(IN_PYTHON))
+    for target in TARGETS:
         lines = (ROOT / f"host/fuzz/corpus/{target}.txt").read_text().split()
         assert lines and all(base64.b64decode(line, validate=True) for line in lines)
 
 
 def test_the_corpus_is_unpacked(tmp_path: Path) -> None:
     lines = (ROOT / "host/fuzz/corpus/board.txt").read_text().split()
-    assert sorted(file.read_bytes() for file in native.unpack("board", tmp_path).iterdir()) == sorted(
+    assert sorted(file.read_bytes() for file in libfuzzer.unpack("board", tmp_path).iterdir()) == sorted(
         base64.b64decode(line) for line in lines
     )
 
 
-@pytest.mark.parametrize("target", sorted(python.TARGETS))
-def test_the_same_seed_gives_the_same_inputs(target: str, tmp_path: Path) -> None:
-    def inputs(name: str) -> list[bytes]:
+@pytest.mark.parametrize("target", [SceneFuzz, RecordFuzz])
+def test_the_same_bytes_make_the_same_file(target: type[SceneFuzz | RecordFuzz], tmp_path: Path) -> None:
+    def files(name: str) -> list[bytes]:
         (tmp_path / name).mkdir()
-        fuzz = python.TARGETS[target](tmp_path / name, 3)
-        return [(fuzz.next(), fuzz.file.read_bytes())[1] for _ in range(5)]
+        fuzz = target(tmp_path / name)
+        return [(fuzz.execute(data), fuzz.file.read_bytes())[1] for data in (b"", bytes(range(40, 80)), bytes(range(200, 256)))]
 
-    first = inputs("a")
-    assert len(set(first)) > 1
-    if target == "scene":  # HDF5 files hold the time
-        assert first == inputs("b")
+    first = files("a")
+    assert len(set(first)) == 3
+    if target is SceneFuzz:  # HDF5 files hold the time
+        assert first == files("b")
 
 
-def test_nothing_is_found(tmp_path: Path) -> None:
-    for target, runs in (("scene", 100), ("record", 20)):
-        outcome = python.run(target, runs, 5, tmp_path / target, quiet)
-        assert (outcome.executions, outcome.finding) == (runs, None)
+def test_choices_reach_the_ends_of_their_ranges() -> None:
+    assert [Draw(bytes([byte])).randrange(3) for byte in (0, 1, 2, 3)] == [0, 1, 2, 0]
+    assert Draw(b"\xff\xff").randrange(65_536) == 65_535
+    assert {Draw(bytes([byte])).randint(-2, 5) for byte in range(256)} == set(range(-2, 6))
+    assert sum(Draw(bytes([byte])).chance(0.25) for byte in range(256)) == 64
+    empty = Draw(b"")
+    assert (empty.randrange(1), empty.randint(4, 9), empty.choice("ab"), empty.chance(0.9), empty.rest()) == (0, 4, "a", False, b"")
+
+
+@pytest.mark.parametrize("target, runs", [("scene", 100), ("record", 20)])
+def test_nothing_is_found(target: str, runs: int, tmp_path: Path) -> None:
+    outcome = libfuzzer.run(target, Effort(runs, None, 5), tmp_path / target, quiet)
+    assert (outcome.executions >= runs, outcome.finding) == (True, None)
 
 
 def test_a_finding_is_told_with_its_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: Any) -> None:
-        raise KeyError("broken")
-
-    monkeypatch.setattr("palpate.fuzzing.scenes.load_scene", broken)
-    outcome = python.run("scene", 10, 1, tmp_path, quiet)
-    assert outcome.executions == 1
+    broken = tmp_path / "broken.py"
+    broken.write_text(
+        "import palpate.fuzzing.guided as guided, palpate.fuzzing.scenes as scenes\n"
+        "def load_scene(*_): raise KeyError('broken')\n"
+        "scenes.load_scene = load_scene\n"
+        "guided.main()\n"
+    )
+    monkeypatch.setattr(libfuzzer, "_command", lambda target, folder: [sys.executable, str(broken), target, str(folder)])
+    outcome = libfuzzer.run("scene", Effort(100, None, 1), tmp_path / "out", quiet)
     assert outcome.finding is not None and "KeyError: 'broken'" in outcome.finding
     assert outcome.file is not None and outcome.file.exists()
+    assert (tmp_path / "out/scene.toml").exists()
 
 
 def test_a_target_that_fails_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = tmp_path / "fuzz"
     program.write_text("#!/bin/sh\necho '#7 NEW cov: 3'\necho does not hold: this\nexit 77\n")
     program.chmod(0o755)
-    monkeypatch.setattr(native, "_command", lambda target: [str(program)])
-    outcome = native.run("board", 100, 1, tmp_path / "out", quiet)
+    monkeypatch.setattr(libfuzzer, "_command", lambda target, folder: [str(program)])
+    outcome = libfuzzer.run("board", Effort(100, None, 1), tmp_path / "out", quiet)
     assert outcome.executions == 7
     assert outcome.finding == "does not hold: this\n"
 
 
+def test_time_bounds_a_run(tmp_path: Path) -> None:
+    outcome = libfuzzer.run("scene", Effort(None, 2, 1), tmp_path, quiet)
+    assert outcome.executions > 0 and outcome.finding is None
+
+
+def test_what_was_executed_is_added_up(tmp_path: Path) -> None:
+    file = tmp_path / "ledger.csv"
+    file.write_text(",".join(ledger.COLUMNS) + "\n")
+    ledger.add([Outcome("board", 5, None, None), Outcome("can", 7, "found", None)], 3, file)
+    ledger.add([Outcome("board", 6, None, None)], 4, file)
+    assert ledger.totals(file) == {"board": 11, "can": 7}
+    assert [row[2:] for row in csv.reader(file.read_text().splitlines()[1:])] == [
+        ["board", "3", "5", "0"], ["can", "3", "7", "1"], ["board", "4", "6", "0"],
+    ]
+    file.write_text("a,b\n")
+    with pytest.raises(ValueError, match=r"ledger.csv: its columns are \['a', 'b'\]: must be date, commit"):
+        ledger.totals(file)
+
+
+def test_the_page_says_what_the_ledger_holds() -> None:
+    page = (ROOT / "docs/fuzzing.md").read_text()
+    stated = {name: int(number.replace(",", "")) for name, number in re.findall(r"^\| `(\w+)` \|.*\| ([\d,]+) \|$", page, re.MULTILINE)}
+    assert stated == ledger.totals()
+    assert set(stated) == set(TARGETS)
+    assert f"**{sum(stated.values()):,}**" in page
+
+
 def test_mutations_leave_their_source_alone() -> None:
     source = tomllib.loads((ROOT / "scenes/press.toml").read_text())
-    draw = random.Random(1)
-    changed = [mutate_tree(source, draw) != source for _ in range(100)]
+    changed = [mutate_tree(source, Draw(bytes(range(start, start + 30)))) != source for start in range(100)]
     assert sum(changed) > 50
     assert source == tomllib.loads((ROOT / "scenes/press.toml").read_text())
 
@@ -119,7 +163,7 @@ def a_leap(h5: h5py.File) -> None:
     ],
 )
 def test_damaged_records_are_refused(change: Callable[[h5py.File], None], message: str, tmp_path: Path) -> None:
-    whole = RecordFuzz(tmp_path, 1)
+    whole = RecordFuzz(tmp_path)
     whole.file.write_bytes((tmp_path / "whole.h5").read_bytes())
     with h5py.File(whole.file, "r+") as h5:
         change(h5)
@@ -128,7 +172,7 @@ def test_damaged_records_are_refused(change: Callable[[h5py.File], None], messag
 
 
 def test_a_damaged_structure_is_refused(tmp_path: Path) -> None:
-    RecordFuzz(tmp_path, 1)
+    RecordFuzz(tmp_path)
     whole = (tmp_path / "whole.h5").read_bytes()
     damaged = tmp_path / "damaged.h5"
     refused = 0

@@ -3,34 +3,34 @@
 import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 
-from palpate.fuzzing import native, python
-from palpate.fuzzing.outcome import Outcome, Progress
-from palpate.fuzzing.targets import SHORT_RUNS
+from palpate.fuzzing import libfuzzer
+from palpate.fuzzing.outcome import Effort, Outcome, Progress
+from palpate.fuzzing.targets import IN_PYTHON, SHORT_RUNS
 from palpate.paths import ROOT
 
 
 def run(
     targets: tuple[str, ...],
-    runs: int | None,
-    seed: int,
+    effort: Effort,
     keep: bool,
     progress: Callable[[str, str], AbstractContextManager[Progress]],
 ) -> list[Outcome]:
-    """Fuzzes one target after another, to the first finding of each. runs: of each; None: SHORT_RUNS. keep: what was reached
-    anew goes into the repository's corpus. Raises RuntimeError where Clang cannot build them, NotBuilt (native.py) where one
-    has been left out."""
-    if any(target not in python.TARGETS for target in targets):
-        native.build()
+    """Fuzzes one target after another, to the first finding of each. effort: of each; without runs and time: SHORT_RUNS.
+    keep: what was reached anew goes into the repository's corpus. Raises RuntimeError where Clang cannot build them,
+    NotBuilt (libfuzzer.py) where one has been left out."""
+    if any(target not in IN_PYTHON for target in targets):
+        libfuzzer.build()
     outcomes = []
     for target in targets:
         folder = ROOT / "out/fuzz" / target
-        one = python.run if target in python.TARGETS else native.run
+        its = effort if effort.runs or effort.time_s else replace(effort, runs=SHORT_RUNS[target])
         with progress(f"fuzz {target}", " executions") as update:
-            outcomes.append(one(target, runs or SHORT_RUNS[target], seed, folder, update))
-        if keep and target not in python.TARGETS:
-            native.keep(target, folder)
+            outcomes.append(libfuzzer.run(target, its, folder, update))
+        if keep:
+            libfuzzer.keep(target, folder)
     return outcomes
 
 

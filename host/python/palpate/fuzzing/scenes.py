@@ -2,11 +2,11 @@
 
 import datetime
 import json
-import random
 import tomllib
 from pathlib import Path
 from typing import Any
 
+from palpate.fuzzing.draw import Draw
 from palpate.fuzzing.values import mutate_tree, odd_value
 from palpate.paths import SCENES
 from palpate.scene import SceneError, load_scene
@@ -14,28 +14,21 @@ from palpate.scene_overrides import parse_override
 
 
 class SceneFuzz:
-    """One execution after another, from a seed; `folder` is for the file."""
+    """One execution after another; `folder` is for the file."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        self._draw = random.Random(seed)
+    def __init__(self, folder: Path) -> None:
         self._sources = [file.read_bytes() for file in sorted(SCENES.glob("*.toml"))]
         self.file = folder / "scene.toml"
 
-    def next(self) -> None:
-        """Writes the next input."""
-        source = self._draw.choice(self._sources)
-        if self._draw.random() < 0.3:
-            self.file.write_bytes(_mutate_bytes(source, self._draw))
-        else:
-            self.file.write_bytes(_toml(mutate_tree(tomllib.loads(source.decode()), self._draw)).encode())
-
-    def execute(self) -> None:
-        """Reads it. Whatever is not a SceneError is a finding."""
-        overrides = {}
+    def execute(self, data: bytes) -> None:
+        """Whatever is not a SceneError is a finding."""
+        draw = Draw(data)
+        self.file.write_bytes(self._changed(draw))
         try:
-            if self._draw.random() < 0.2:
-                key = self._draw.choice(("contact.friction", "body.nodes", "path.csv", "model", "a.b.c", "", "."))
-                overrides = dict([parse_override(f"{key}={_toml_value(odd_value(self._draw))}")])
+            overrides = {}
+            if draw.chance(0.2):
+                key = draw.choice(("contact.friction", "body.nodes", "path.csv", "model", "a.b.c", "", "."))
+                overrides = dict([parse_override(f"{key}={_toml_value(odd_value(draw))}")])
             scene = load_scene(self.file, overrides)
             assert scene.text
             if scene.path is not None:
@@ -44,8 +37,16 @@ class SceneFuzz:
         except SceneError as error:
             assert str(error) and "\n" not in str(error), "a refusal is one line"
 
+    def _changed(self, draw: Draw) -> bytes:
+        source = draw.choice(self._sources)
+        if draw.chance(0.3):
+            return _mutate_bytes(source, draw)
+        if draw.chance(0.1):
+            return draw.rest()
+        return _toml(mutate_tree(tomllib.loads(source.decode()), draw)).encode()
 
-def _mutate_bytes(source: bytes, draw: random.Random) -> bytes:
+
+def _mutate_bytes(source: bytes, draw: Draw) -> bytes:
     data = bytearray(source)
     for _ in range(draw.randint(1, 4)):
         at = draw.randrange(len(data))

@@ -17,3 +17,5 @@ SHORT_RUNS = {
     "record": 200,
 }
 TARGETS = tuple(SHORT_RUNS)
+# The others are C++.
+IN_PYTHON = ("scene", "record")

@@ -1,9 +1,10 @@
 """Values that are seldom right."""
 
 import datetime
-import random
 from collections.abc import Callable
 from typing import Any
+
+from palpate.fuzzing.draw import Draw
 
 _ODD: tuple[Any, ...] = (
     0, 1, -1, 2, 3, 2**31, -(2**31) - 1, 2**63 - 1, 2**64, 10**400,
@@ -13,12 +14,12 @@ _ODD: tuple[Any, ...] = (
 )
 
 
-def odd_value(draw: random.Random) -> Any:
+def odd_value(draw: Draw) -> Any:
     """One of them."""
     return draw.choice(_ODD)
 
 
-def mutate_tree(tree: Any, draw: random.Random) -> Any:
+def mutate_tree(tree: Any, draw: Draw) -> Any:
     """A copy of nested dictionaries and lists with one to three places changed: to an odd value, to the value of another
     place, to a number near its own, removed, doubled, or with a key that nobody knows."""
     tree = _copy(tree)
@@ -45,19 +46,19 @@ def _places(tree: Any) -> Any:
             yield from _places(value)
 
 
-Change = Callable[[Any, Any, list[tuple[Any, Any]], random.Random], None]
+Change = Callable[[Any, Any, list[tuple[Any, Any]], Draw], None]
 
 
-def _put_odd(holder: Any, key: Any, _: Any, draw: random.Random) -> None:
+def _put_odd(holder: Any, key: Any, _: Any, draw: Draw) -> None:
     holder[key] = _copy(odd_value(draw))
 
 
-def _put_other(holder: Any, key: Any, places: list[tuple[Any, Any]], draw: random.Random) -> None:
+def _put_other(holder: Any, key: Any, places: list[tuple[Any, Any]], draw: Draw) -> None:
     other, its_key = draw.choice(places)
     holder[key] = _copy(other[its_key])
 
 
-def _scale(holder: Any, key: Any, _: Any, draw: random.Random) -> None:
+def _scale(holder: Any, key: Any, _: Any, draw: Draw) -> None:
     value = holder[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
         return
@@ -65,11 +66,11 @@ def _scale(holder: Any, key: Any, _: Any, draw: random.Random) -> None:
     holder[key] = int(value * factor) if isinstance(value, int) else value * factor
 
 
-def _remove(holder: Any, key: Any, _: Any, __: random.Random) -> None:
+def _remove(holder: Any, key: Any, _: Any, __: Draw) -> None:
     del holder[key]
 
 
-def _double(holder: Any, key: Any, _: Any, draw: random.Random) -> None:
+def _double(holder: Any, key: Any, _: Any, draw: Draw) -> None:
     if isinstance(holder, list):
         holder.insert(draw.randint(0, len(holder)), _copy(holder[key]))
     else:

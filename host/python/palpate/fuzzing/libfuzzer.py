@@ -1,18 +1,23 @@
-"""Targets of libFuzzer (host/fuzz): built with Clang, run from the corpus in the repository."""
+"""Targets of libFuzzer, run from the corpus in the repository: those in C++ (host/fuzz), built with Clang, and those in Python
+(guided.py)."""
 
 import base64
 import os
 import re
 import shutil
 import subprocess
+import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from palpate.fuzzing.outcome import Outcome, Progress
+from palpate.fuzzing.outcome import Effort, Outcome, Progress
+from palpate.fuzzing.targets import IN_PYTHON
 from palpate.paths import BUILD, ROOT
 
 PRESET = "host-fuzz"
 _CORPUS = ROOT / "host/fuzz/corpus"
+_PYTHON = ROOT / "host/python"
 # Of one input: a hang is a finding. The slowest target takes milliseconds.
 _LONGEST_S = 20
 _LONGEST_INPUT_BYTES = 2048
@@ -25,7 +30,7 @@ class NotBuilt(RuntimeError):
 
 
 def build() -> None:
-    """Configures and builds all targets. Raises RuntimeError with what the tools said."""
+    """Configures and builds all targets in C++. Raises RuntimeError with what the tools said."""
     for command in (
         ["cmake", "--preset", PRESET],
         ["cmake", "--build", "--preset", PRESET, "--target", "palpate_fuzz", "-j", str(os.cpu_count() or 1)],
@@ -35,16 +40,17 @@ def build() -> None:
             raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}")
 
 
-def run(target: str, runs: int, seed: int, folder: Path, progress: Progress) -> Outcome:
-    """So many executions of a target; inputs that reach something new are added to `folder`/corpus. Runs to the end or to
-    the first finding. Raises NotBuilt."""
-    if not Path(_command(target)[0]).is_file():
+def run(target: str, effort: Effort, folder: Path, progress: Progress) -> Outcome:
+    """To the end of the effort or to the first finding; inputs that reach something new are added to `folder`/corpus. Raises
+    NotBuilt."""
+    if target not in IN_PYTHON and not Path(_command(target, folder)[0]).is_file():
         raise NotBuilt(f"fuzz {target}: not built, for want of what it links: the crate of TinyUSB (cargo)")
     corpus = unpack(target, folder)
     command = [
-        *_command(target),
-        f"-runs={runs}",
-        f"-seed={seed}",
+        *_command(target, folder),
+        f"-runs={-1 if effort.runs is None else effort.runs}",
+        f"-max_total_time={effort.time_s or 0}",
+        f"-seed={effort.seed}",
         f"-max_len={_LONGEST_INPUT_BYTES}",
         f"-timeout={_LONGEST_S}",
         f"-artifact_prefix={folder}/",
@@ -53,15 +59,14 @@ def run(target: str, runs: int, seed: int, folder: Path, progress: Progress) -> 
     ]
     said: list[str] = []
     executions = 0
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
-    ) as process:
+    began_s = time.monotonic()
+    with _start(command) as process:
         assert process.stdout is not None
         try:
             for line in process.stdout:
                 if match := re.match(r"#(\d+)\s|stat::number_of_executed_units: (\d+)", line):
                     executions = int(match[1] or match[2])
-                    progress(min(executions, runs), runs)
+                    progress(executions, _expected(effort, executions, time.monotonic() - began_s))
                 else:
                     said.append(line)
         except BaseException:
@@ -73,7 +78,29 @@ def run(target: str, runs: int, seed: int, folder: Path, progress: Progress) -> 
     return Outcome(target, executions, "".join(said[-40:]), Path(written[-1]) if written else None)
 
 
-def _command(target: str) -> list[str]:
+def _expected(effort: Effort, executions: int, time_s: float) -> int:
+    """Executions in all, by the rate until now."""
+    if effort.runs is not None:
+        return max(effort.runs, executions)
+    return max(round(executions * (effort.time_s or 0) / max(time_s, 1e-3)), executions)
+
+
+def _start(command: Sequence[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env={**os.environ, "PYTHONPATH": str(_PYTHON)},
+    )
+
+
+def _command(target: str, folder: Path) -> list[str]:
+    if target in IN_PYTHON:
+        # Slow ones, which would not get to longer inputs by steps.
+        return [sys.executable, "-m", "palpate.fuzzing.guided", target, str(folder), "-len_control=0"]
     return [str(BUILD / PRESET / f"host/fuzz/fuzz_{target}")]
 
 
@@ -93,10 +120,11 @@ def keep(target: str, folder: Path) -> int:
     merged = folder / "merged"
     shutil.rmtree(merged, ignore_errors=True)
     merged.mkdir(parents=True)
-    command: Sequence[str] = [*_command(target), "-merge=1", f"-max_len={_LONGEST_INPUT_BYTES}", str(merged), str(folder / "corpus")]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout[-2000:]}")
+    command = [*_command(target, folder), "-merge=1", f"-max_len={_LONGEST_INPUT_BYTES}", str(merged), str(folder / "corpus")]
+    with _start(command) as process:
+        said, _ = process.communicate()
+    if process.returncode != 0 or not any(merged.iterdir()):
+        raise RuntimeError(f"{' '.join(command)} failed:\n{said[-2000:]}")
     inputs = sorted((file.read_bytes() for file in merged.iterdir()), key=lambda data: (len(data), data))
     lines: list[str] = []
     for data in inputs:
