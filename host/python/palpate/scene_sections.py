@@ -358,7 +358,7 @@ class Board:
         "`mps2_an386`: the image for a Cortex-M4F, in QEMU; `mps2_an500`: that for a Cortex-M7; `native`: the same firmware as a Linux process; `nucleo_g474re`: the image for that board, on models of its part",
         default="mps2_an386",
     )
-    faults: BoardFaults = section(BoardFaults, "What goes wrong on the board, for tests.")
+    faults: BoardFaults = section(BoardFaults, "What goes wrong on the board, for tests; ticks beyond the scene's end are refused.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -557,7 +557,11 @@ class Link:
     trace_ticks: int = key(
         Integer(1, 32), "ticks in each message of them; the host hears of them that much later", unit="ticks", default=4
     )
-    faults: LinkFaults = section(LinkFaults, "Faults on the link, for tests: at most one a frame.")
+    faults: LinkFaults = section(
+        LinkFaults,
+        "Faults on the link, for tests: at most one a frame. Times count to the nearest servo tick; what would begin at the scene's end or later is "
+        "refused.",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -638,7 +642,7 @@ class SceneFile:
     safety: Safety = section(
         Safety,
         "What the emulated board's supervisor does with a model that grows old and a link that is lost ([Safety](safety.md#a-lost-link)), in whole "
-        "milliseconds. A board that runs by itself has its own.",
+        "milliseconds: others are refused. A board that runs by itself has its own.",
     )
     link: Link = section(
         Link, "The medium between board and host (`palpate run` only), metered in virtual time."
