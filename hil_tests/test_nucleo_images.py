@@ -49,6 +49,13 @@ def test_each_image_keeps_its_budgets(table: str, images: list) -> None:
             assert int(used.replace(",", "")) <= int(allowed.replace(",", "")) == budget
 
 
+def test_the_worst_tick_is_measured_and_keeps_its_budget(table: str) -> None:
+    pytest.importorskip("palpate._core", reason="the host is not built: ./run does it")
+    assert "worst tick, slide at 10 cm/s " in table
+    used, allowed = (int(number.replace(",", "")) for number in re.search(r"^  servo +([\d,]+) +([\d,]+) ", table, re.MULTILINE).groups())
+    assert 60_000 < used <= allowed == 119_000  # 70 % of 170,000; the design's goal is missed (docs/decisions/cycles.md)
+
+
 def test_interrupts_of_one_priority_do_not_add_up(table: str) -> None:
     """Each context that may interrupt the others brings a frame of 108 bytes; the two of the serial link are one."""
     serial = table.split(".elf")[1]

@@ -1,8 +1,8 @@
-#include "boards/feather_stm32f405/board.hpp"
+#include "board.hpp"
 
 #include "boards/cortex_m/fail_safe.hpp"
 #include "boards/cortex_m/fault_record.hpp"
-#include "boards/feather_stm32f405/pins.hpp"
+#include "pins.hpp"
 
 extern "C" {
 [[gnu::used]] palpate::firmware::TickReport palpate_last_tick_report;

@@ -1,9 +1,9 @@
 // The firmware on the Adafruit Feather STM32F405: interrupt handler and main loop.
+#include "board.hpp"
 #include "boards/cortex_m/core_registers.hpp"
 #include "boards/cortex_m/fault_record.hpp"
 #include "boards/cortex_m/main_loop.hpp"
 #include "boards/cortex_m/start_up.hpp"
-#include "boards/feather_stm32f405/board.hpp"
 #include "boards/stm32/unique_id.hpp"
 #include "firmware/app/app.hpp"
 
