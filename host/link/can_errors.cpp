@@ -2,6 +2,8 @@
 
 #include <linux/can/error.h>
 
+#include <string_view>
+
 namespace palpate::link {
 namespace {
 
@@ -29,6 +31,26 @@ void count_error(const can_frame& frame, CanErrors& errors, bool& is_bus_off) {
   }
   if ((frame.can_id & CAN_ERR_BUSOFF) != 0) is_bus_off = true;
   if ((frame.can_id & CAN_ERR_RESTARTED) != 0) is_bus_off = false;
+}
+
+std::string text_of(const CanErrors& errors, bool is_bus_off) {
+  std::string text;
+  const auto add = [&text](std::string_view what, std::uint64_t count) {
+    if (count == 0) return;
+    text.append(text.empty() ? "" : ", ").append(what).append(" ").append(std::to_string(count));
+  };
+  add("bus-off", errors.bus_offs);
+  add("restarts", errors.restarts);
+  add("bus errors", errors.bus_errors);
+  add("protocol violations", errors.protocol_violations);
+  add("not acknowledged", errors.unacknowledged);
+  add("transceiver faults", errors.transceiver_faults);
+  add("controller warnings", errors.controller_warnings);
+  add("controller overflows", errors.controller_overflows);
+  add("transmit timeouts", errors.transmit_timeouts);
+  add("frames missed by this program", errors.frames_missed);
+  if (!is_bus_off) return text;
+  return text.empty() ? "off the bus now" : "off the bus now; " + text;
 }
 
 }  // namespace palpate::link

@@ -4,6 +4,7 @@
 #include <linux/can.h>
 
 #include <cstdint>
+#include <string>
 
 namespace palpate::link {
 
@@ -25,5 +26,8 @@ struct CanErrors {
 
 // Counts an error frame and keeps whether the controller is off the bus.
 void count_error(const can_frame& frame, CanErrors& errors, bool& is_bus_off);
+
+// In words, for a person; empty where nothing has gone wrong. Lost arbitrations are no error.
+std::string text_of(const CanErrors& errors, bool is_bus_off);
 
 }  // namespace palpate::link

@@ -48,6 +48,26 @@ TEST(CanErrors, AFrameMayTellOfSeveral) {
   EXPECT_FALSE(is_bus_off);
 }
 
+TEST(CanErrors, InWords) {
+  EXPECT_EQ(text_of({}, false), "");
+  EXPECT_EQ(text_of({.lost_arbitrations = 9}, false), "");
+  EXPECT_EQ(text_of({.bus_offs = 1}, true), "off the bus now; bus-off 1");
+  EXPECT_EQ(
+      text_of({.transmit_timeouts = 1,
+               .controller_overflows = 2,
+               .controller_warnings = 3,
+               .protocol_violations = 4,
+               .transceiver_faults = 5,
+               .unacknowledged = 6,
+               .bus_errors = 7,
+               .bus_offs = 8,
+               .restarts = 9,
+               .frames_missed = 10},
+              false),
+      "bus-off 8, restarts 9, bus errors 7, protocol violations 4, not acknowledged 6, transceiver faults 5, "
+      "controller warnings 3, controller overflows 2, transmit timeouts 1, frames missed by this program 10");
+}
+
 TEST(CanErrors, OffTheBusUntilRestarted) {
   CanErrors errors;
   bool is_bus_off = false;

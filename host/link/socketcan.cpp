@@ -168,6 +168,10 @@ bool SocketCan::is_bus_off() {
   return is_bus_off_;
 }
 
+std::string SocketCan::trouble() {
+  return text_of(errors(), is_bus_off());
+}
+
 std::vector<std::uint8_t> SocketCan::read(std::chrono::microseconds longest) {
   take_errors();  // so that they do not pile up where nobody writes
   if (gone_) return {};

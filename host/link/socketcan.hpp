@@ -41,6 +41,7 @@ class SocketCan final : public DescriptorLink {
   // As of now. Any thread.
   CanErrors errors();
   bool is_bus_off();
+  [[nodiscard]] std::string trouble() override;
 
  protected:
   ssize_t put(std::span<const std::uint8_t> bytes) override;

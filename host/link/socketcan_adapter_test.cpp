@@ -128,11 +128,13 @@ TEST_F(SocketCanAdapterTest, OffTheBusItTakesNothingAndGoesOnWhenItIsBack) {
   testing::PlainSocket other(interface());
   ASSERT_TRUE(link.write(record(kBusOff, {}, false)));
   ASSERT_TRUE(comes(link, [&link] { return link.is_bus_off(); }));
+  EXPECT_TRUE(link.trouble().starts_with("off the bus now; bus-off 1")) << link.trouble();
   EXPECT_FALSE(link.write(record(0x100, counting(8), false)));
   EXPECT_EQ(link.counters().frames_unsent, 1u);
   EXPECT_TRUE(link.is_open());
   other.send(kRestarted | CAN_EFF_FLAG, {}, false);
   ASSERT_TRUE(comes(link, [&link] { return !link.is_bus_off(); }));
+  EXPECT_TRUE(link.trouble().starts_with("bus-off 1")) << link.trouble();
   while (!link.read(std::chrono::microseconds(0)).empty()) continue;  // the other's frame
   ASSERT_TRUE(link.write(record(0x200, counting(8), false)));
   // What was refused has not been sent later: the answer is to this one.

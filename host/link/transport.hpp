@@ -46,6 +46,9 @@ class Transport {
   // What it carries at most each way, for a sender that paces itself; 0: not known, more than 1 MB/s.
   [[nodiscard]] virtual double bytes_per_s() const = 0;
   [[nodiscard]] virtual TransportCounters counters() const = 0;
+  // What the driver tells of errors of the medium, for a person; empty: nothing, or it tells none. Any
+  // thread.
+  [[nodiscard]] virtual std::string trouble() { return {}; }
   // How transfers become its bytes.
   [[nodiscard]] virtual FramingKind framing() const { return FramingKind::serial; }
 

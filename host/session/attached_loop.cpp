@@ -148,6 +148,7 @@ void AttachedLoop::run_once() {
     status.up.bytes_accepted = status.up.bytes_delivered = bytes_up_ + counters.bytes_received;
     status.links_opened = links_opened_;
     status.link_is_open = link_->is_open();
+    status.link_trouble = link_->trouble();
   });
 }
 

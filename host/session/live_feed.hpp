@@ -43,6 +43,7 @@ struct LiveStatus {
   std::uint64_t ticks_unseen = 0;  // went because nobody took them
   std::uint64_t links_opened = 0;  // of a board at a link of the operating system: more than 1: it had gone
   bool link_is_open = true;
+  std::string link_trouble;  // of such a link: Transport::trouble
   bool running = false;
   std::string error;  // why it ended by itself; empty: it did not
 };

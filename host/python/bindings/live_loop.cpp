@@ -126,6 +126,7 @@ nb::dict status(const host::LiveFeed& feed) {
   result["ticks_unseen"] = now.ticks_unseen;
   result["links_opened"] = now.links_opened;
   result["link_is_open"] = now.link_is_open;
+  result["link_trouble"] = now.link_trouble;
   add_counters(result, now.counters);
   result["down"] = medium_counters(now.down);
   result["up"] = medium_counters(now.up);

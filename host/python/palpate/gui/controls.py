@@ -86,7 +86,10 @@ class Controls:
             psim.TextColored(_WARNING, "goes on by itself with the next model")
         for name in fault_names(live.status["board_faults"]):
             psim.TextColored(_BAD, f"  {name.replace('_', ' ')}")
-        if not live.is_attached:
+        if live.is_attached:
+            if live.status["link_trouble"]:
+                _wrapped(_WARNING, f"link: {live.status['link_trouble']}")
+        else:
             self._troubles(live)
         psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
         psim.PushStyleColor(psim.ImGuiCol_Text, (1.0, 1.0, 1.0, 1.0))
