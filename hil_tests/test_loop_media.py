@@ -1,10 +1,13 @@
 """The closed loop over every medium that a scene can name, the firmware on its boards with the framing of each."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 from loop_scene import STATUS_UNKNOWN, Run, command_line, run, scene
+
+from palpate import hil
 
 MEDIA = ("uart", "usb", "canfd", "can")
 
@@ -61,10 +64,45 @@ def test_the_body_is_felt(runs, medium):
     assert runs[medium].summary["peak_force_N"] > 1.0  # pressed 3 mm
 
 
-def test_both_boards_give_one_record_on_can(runs, tmp_path):
-    emulated = run(tmp_path / "emulated", text("canfd", "mps2_an386"))
+@pytest.mark.parametrize("medium", ["canfd", "usb"])
+def test_both_boards_give_one_record(runs, tmp_path, medium):
+    """With the same firmware: on USB its stack and a device controller in software."""
+    emulated = run(tmp_path / "emulated", text(medium, "mps2_an386"))
     assert emulated.summary["background_overruns"] == emulated.summary["missed_deadlines"] == 0
-    assert emulated.summary["record_hash"] == runs["canfd"].summary["record_hash"]
+    assert emulated.summary["record_hash"] == runs[medium].summary["record_hash"]
+
+
+def test_on_usb_a_board_is_enumerated_first(runs):
+    """Reset and recovery take 20 ms, each of 13 stages of control transfers two ticks, an address two: only then is there a link."""
+    first = runs["usb"]["updates/sent_tick"].min()
+    heard = np.flatnonzero(runs["usb"]["ticks/link_up_bytes"])[0]
+    assert 48 <= heard <= 70 < first
+
+
+def test_over_usb_the_force_is_that_of_the_line(runs):
+    """Where both have models: they are taken at other ticks, and each is wrong by what a frame's age makes of it."""
+    line, usb = runs["uart"], runs["usb"]
+    both = (line["ticks/model_sequence"] > 0) & (usb["ticks/model_sequence"] > 0)
+    difference_N = np.linalg.norm(line["ticks/force_N"] - usb["ticks/force_N"], axis=1)[both]
+    assert np.count_nonzero(both) > 500
+    print(difference_N.max(), np.sqrt(np.mean(difference_N**2)), line.force_N.max())
+    assert np.sqrt(np.mean(difference_N**2)) < 0.05 * line.force_N.max()
+
+
+def test_usb_without_its_image_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(hil.BOARDS, "native", dataclasses.replace(hil.BOARDS["native"], image=tmp_path / "palpate_native"))
+    with pytest.raises(hil.BoardError, match="palpate_native_usb does not exist: it has a USB stack where TinyUSB's sources are"):
+        run(tmp_path / "none", text("usb"))
+
+
+def test_bad_packets_are_repeated_and_change_no_message(runs, tmp_path):
+    noisy = text("usb", extra='[[link.faults.random]]\nway = "up"\nkind = "flip"\nchance = 0.2\n'
+                              '[[link.faults.random]]\nway = "down"\nkind = "flip"\nchance = 0.2')
+    done = run(tmp_path / "noisy", noisy)
+    assert done.summary["frames_lost"] == done.summary["models_refused"] == done.summary["interpolated_ticks"] == 0
+    assert done.summary["model_updates"] >= 18
+    assert done.summary["record_hash"] != runs["usb"].summary["record_hash"]  # they take their time
+    assert run(tmp_path / "again", noisy).summary["record_hash"] == done.summary["record_hash"]
 
 
 def test_the_command_line_chooses_the_medium_and_refuses_what_does_not_go(tmp_path):

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from board_peer import NUCLEO_IMAGE, REPOSITORY
+from loop_scene import run, scene
 from test_board_lockstep import scripted_run
 
 pytest.importorskip("unicorn", reason="Unicorn is not installed: ./run does it")
@@ -285,3 +286,10 @@ def test_a_scene_over_can_fd(tmp_path):
     assert summary["rms_force_error_percent"] < 1.0  # 0.5 of mps2_an386 (docs/links.md)
     # The servo tick's bound (docs/decisions/cycles.md).
     assert summary["worst_tick_instructions"] * 1.8 < 110_000
+
+
+def test_a_scene_over_usb(tmp_path):
+    """The part's own USB device and TinyUSB, enumerated by the host's controller: states at 30 Hz, and nothing is lost."""
+    done = run(tmp_path / "usb", scene('[model]\nbuilder = "hybrid"\n[link]\nmedium = "usb"\ntrace = "tip"\n', board="nucleo_g474re", duration_s=0.5))
+    assert done.summary["frames_lost"] == done.summary["models_refused"] == done.summary["missed_deadlines"] == done.summary["faults"] == 0
+    assert done.summary["model_updates"] >= 5 and done.summary["peak_force_N"] > 0.5

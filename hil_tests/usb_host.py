@@ -1,4 +1,4 @@
-"""A USB host controller in Python for boards in lock-step whose link is a USB bus (boards/lockstep/usb_bus.hpp).
+"""A USB host controller in Python for boards in lock-step whose link is a USB bus (boards/lockstep/usb_record.hpp).
 
 Time is the board's: one tick is one frame of the bus (1 ms). Transfers are submitted and come back done in a later tick; with
 the same transfers in the same ticks a run repeats to the byte.
@@ -15,9 +15,10 @@ from enum import Enum
 import numpy as np
 from board_peer import Lockstep, lockstep
 
-# boards/lockstep/usb_bus.hpp
+# boards/lockstep/usb_record.hpp
 RESET, FRAME, SUSPEND, RESUME, UNPLUG = 1, 2, 3, 4, 5
 SETUP, OUT_DATA0, OUT_DATA1, IN = 0x10, 0x11, 0x12, 0x13
+AGAIN = 0x40  # of the address of a packet to the board: from here on those that it has refused
 ATTACH, DETACH, WAKE = 0x81, 0x82, 0x83
 ACK, NAK, STALL, DATA0, DATA1, SILENCE, REFUSED = 0x90, 0x91, 0x92, 0x93, 0x94, 0x95, 0x9F
 PACKET_BYTES = 64
@@ -117,7 +118,8 @@ class _BulkOut:
                 self._packets.append(b"")
         packets = list(self._packets)[:min(room, _PACKETS_AT_ONCE)]
         self._waiting = len(packets)
-        return [Record.encode(OUT_DATA0 + (self.toggle ^ (i & 1)), self.address, packet) for i, packet in enumerate(packets)]
+        return [Record.encode(OUT_DATA0 + (self.toggle ^ (i & 1)), self.address | (AGAIN if i == 0 else 0), packet)
+                for i, packet in enumerate(packets)]
 
     def answer(self, record: Record) -> None:
         self._waiting -= 1
@@ -218,8 +220,8 @@ class _Control:
             return [Record.encode(IN, DIRECTION_IN)]
         if self._stage == "data out":
             kind = OUT_DATA1 if head.sent // PACKET_BYTES % 2 == 0 else OUT_DATA0
-            return [Record.encode(kind, 0, head.data[head.sent:head.sent + PACKET_BYTES])]
-        return [Record.encode(OUT_DATA1, 0)]
+            return [Record.encode(kind, AGAIN, head.data[head.sent:head.sent + PACKET_BYTES])]
+        return [Record.encode(OUT_DATA1, AGAIN)]
 
     def answer(self, record: Record) -> None:
         self._waiting = False

@@ -177,7 +177,8 @@ TEST_F(UsbTest, AFullRingMakesTheHostWait) {
   EXPECT_GE(refused, 1u);
 }
 
-// Of several packets in one tick those behind the one that was refused are refused, too.
+// Of several packets those behind the one that was refused are refused, too, in later ticks as well, up to
+// the one with which the host begins again.
 TEST_F(UsbTest, PacketsBehindARefusedOneKeepTheirOrder) {
   configure();
   ASSERT_TRUE(rig().link.received.write(Bytes(4096 - 100)));
@@ -191,7 +192,45 @@ TEST_F(UsbTest, PacketsBehindARefusedOneKeepTheirOrder) {
   EXPECT_EQ(std::count(first, kinds.end(), UsbRecord::nak), 4);
   received();
   EXPECT_EQ(tick().size(), 0u);
+  const std::vector<Answer> late = tick({record(kind(6), kVendorOut, frame(64, 9))});
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].kind, UsbRecord::nak);
   EXPECT_EQ(transact(kind(2), kVendorOut, frame(64)).kind, UsbRecord::ack);
+}
+
+// What the host does not acknowledge is kept for its next token, with its toggle.
+TEST_F(UsbTest, APacketThatIsNotAcknowledgedComesAgain) {
+  configure();
+  open_vendor();
+  say(frame(100));
+  const auto unheard = static_cast<std::uint8_t>(kVendorIn | lockstep::kUsbUnheard);
+  const auto answers = tick({record(UsbRecord::in, unheard), record(UsbRecord::in, unheard),
+                             record(UsbRecord::in, kVendorIn), record(UsbRecord::in, kVendorIn)});
+  ASSERT_EQ(answers.size(), 4u);
+  EXPECT_EQ(answers[0].kind, UsbRecord::data1);
+  EXPECT_EQ(answers[1], answers[0]);
+  EXPECT_EQ(answers[2], answers[0]);
+  EXPECT_EQ(answers[3].kind, UsbRecord::data0);
+  Bytes all = answers[2].data;
+  all.insert(all.end(), answers[3].data.begin(), answers[3].data.end());
+  EXPECT_EQ(all, frame(100));
+}
+
+// What nobody has taken is counted, frame by frame: of those that a reader has begun the rest, and the one
+// whose end waits in the endpoint.
+TEST_F(UsbTest, FramesThatNobodyTakesAreCounted) {
+  configure();
+  open_vendor();
+  const std::uint32_t before = rig().link.frames_unsent;
+  say(frame(100));
+  say(frame(90, 3));
+  say(frame(80, 5));
+  tick();
+  EXPECT_EQ(in(kVendorIn).data.size(), 64u);
+  tick({record(UsbRecord::unplug)});
+  tick();
+  EXPECT_EQ(rig().link.frames_unsent - before, 3u);
+  tick({record(UsbRecord::reset)});
 }
 
 // To the host

@@ -1,4 +1,4 @@
-// For tests: the host's end of the bus of usb_bus.hpp, one transaction after the other, and a board's USB
+// For tests: the host's end of the bus of usb_record.hpp, one transaction after the other, and a board's USB
 // behind it that has nothing but its rings.
 #pragma once
 
@@ -99,7 +99,10 @@ class UsbTest : public ::testing::Test {
   }
 
   Answer transact(UsbRecord kind, std::uint8_t address, const Bytes& data = {}) {
-    const std::vector<Answer> answers = tick({record(kind, address, data)});
+    const bool is_out = kind == UsbRecord::out_data0 || kind == UsbRecord::out_data1;
+    // Alone, so that each one begins again where one was refused.
+    const auto token = static_cast<std::uint8_t>(address | (is_out ? lockstep::kUsbAgain : 0));
+    const std::vector<Answer> answers = tick({record(kind, token, data)});
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? Answer{UsbRecord::silence, address, {}} : answers[0];
   }

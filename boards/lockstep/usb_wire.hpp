@@ -1,4 +1,4 @@
-// The link on USB: what crosses in the exchange is the bus (usb_bus.hpp), and TinyUSB and the firmware's
+// The link on USB: what crosses in the exchange is the bus (usb_record.hpp), and TinyUSB and the firmware's
 // driver are between it and the link's rings (EmulatedBoard).
 #pragma once
 

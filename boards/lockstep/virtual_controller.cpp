@@ -13,6 +13,8 @@ using lockstep::UsbRecord;
 
 constexpr std::uint8_t kPort = 0;
 constexpr std::uint8_t kToHost = 0x80, kNumber = 0x0F;
+constexpr std::uint8_t kFlag = lockstep::kUsbAgain;
+static_assert(lockstep::kUsbUnheard == kFlag);
 
 VirtualController* the_controller = nullptr;
 
@@ -32,7 +34,7 @@ bool is_well_formed(UsbRecord kind, std::uint8_t address, std::size_t length) {
       return address == 0 && length == lockstep::kUsbSetupBytes;
     case UsbRecord::out_data0:
     case UsbRecord::out_data1:
-      return !is_to_host(address) && length <= lockstep::kUsbPacketBytes;
+      return !is_to_host(address) && length <= lockstep::kUsbPacketBytes;  // with kUsbAgain or without
     case UsbRecord::in:
       return is_to_host(address) && length == 0;
     case UsbRecord::attach:
@@ -112,15 +114,14 @@ bool VirtualController::handle(UsbRecord kind, std::uint8_t address, std::span<c
     dcd_event_bus_signal(kPort, kind == UsbRecord::suspend ? DCD_EVENT_SUSPEND : DCD_EVENT_RESUME, false);
     return true;
   }
-  if (kind == UsbRecord::frame) {
-    for (auto& both : pipes_)
-      for (Pipe& pipe : both) pipe.refusing = false;
-    return false;
-  }
+  if (kind == UsbRecord::frame) return false;
+  const bool is_flagged = (address & kFlag) != 0;
+  address = static_cast<std::uint8_t>(address & ~kFlag);
   Pipe* const pipe = find(address);
   if (pipe == nullptr) return answer(UsbRecord::silence, address);
   if (kind == UsbRecord::setup) return take_setup(data);
-  if (kind == UsbRecord::in) return give_in(*pipe, address);
+  if (kind == UsbRecord::in) return give_in(*pipe, address, !is_flagged);
+  if (is_flagged) pipe->refusing = false;
   return take_out(*pipe, address, kind == UsbRecord::out_data1 ? 1 : 0, data);
 }
 
@@ -149,11 +150,12 @@ bool VirtualController::take_out(Pipe& pipe, std::uint8_t address, std::uint8_t 
   return finish(pipe, address, count, data.size() < pipe.packet_bytes);
 }
 
-bool VirtualController::give_in(Pipe& pipe, std::uint8_t address) {
+bool VirtualController::give_in(Pipe& pipe, std::uint8_t address, bool is_heard) {
   if (pipe.halted) return answer(UsbRecord::stall, address);
   if (!pipe.armed) return answer(UsbRecord::nak, address);
   const std::size_t count = std::min<std::size_t>(pipe.length - pipe.done, pipe.packet_bytes);
   answer(pipe.toggle == 0 ? UsbRecord::data0 : UsbRecord::data1, address, {pipe.data + pipe.done, count});
+  if (!is_heard) return false;
   pipe.toggle ^= 1;
   return finish(pipe, address, count, false);
 }

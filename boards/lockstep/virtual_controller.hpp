@@ -1,4 +1,4 @@
-// A USB device controller in software, as TinyUSB wants one (device/dcd.h), on the bus of usb_bus.hpp.
+// A USB device controller in software, as TinyUSB wants one (device/dcd.h), on the bus of usb_record.hpp.
 #pragma once
 
 #include <array>
@@ -10,9 +10,9 @@
 
 namespace palpate::board {
 
-// Transactions that one background run handles: what a full-speed bus carries in 1 ms (19 packets of 64
-// bytes; USB 2.0, table 5-9), and a control transfer beside it.
-inline constexpr std::size_t kUsbTransactionsPerTick = 24;
+// Records that one background run handles: of what a full-speed bus carries in 1 ms (19 packets of 64 bytes;
+// USB 2.0, table 5-9), of questions for packets that are not there, and of the frame's beginning.
+inline constexpr std::size_t kUsbTransactionsPerTick = 32;
 
 // One per program, for TinyUSB's drivers are functions. Background context, but where it says interrupt.
 class VirtualController {
@@ -56,7 +56,7 @@ class VirtualController {
     std::uint16_t packet_bytes = 0;  // 0: not open
     bool armed = false;
     bool halted = false;
-    bool refusing = false;  // up to the next frame
+    bool refusing = false;  // up to a packet with kUsbAgain
     std::uint8_t toggle = 0;
   };
 
@@ -66,7 +66,7 @@ class VirtualController {
   bool handle(lockstep::UsbRecord kind, std::uint8_t address, std::span<const std::uint8_t> data);
   bool take_setup(std::span<const std::uint8_t> data);
   bool take_out(Pipe& pipe, std::uint8_t address, std::uint8_t toggle, std::span<const std::uint8_t> data);
-  bool give_in(Pipe& pipe, std::uint8_t address);
+  bool give_in(Pipe& pipe, std::uint8_t address, bool is_heard);
   // After a packet of `count` bytes.
   bool finish(Pipe& pipe, std::uint8_t address, std::size_t count, bool is_short);
   // False, for those of the functions above that have nothing else to report: TinyUSB has no event.

@@ -31,6 +31,14 @@ foreach(_framing ${PALPATE_FRAMINGS})
   palpate_mps2_firmware(${_image} palpate_mps2_${_framing} over_bytes palpate_endpoint_${_framing})
 endforeach()
 
+# With the link on USB.
+if(TARGET palpate_virtual_usb)
+  palpate_mps2_firmware(palpate_${PALPATE_BOARD}_usb palpate_mps2_usb over_usb
+    palpate_endpoint_serial palpate_virtual_usb palpate_usb palpate_tinyusb)
+else()
+  add_custom_target(palpate_${PALPATE_BOARD}_usb)  # for who asks for all images: there is none
+endif()
+
 # palpate_mps2_program(NAME SOURCE LIBRARY): an image of its own, NAME_BOARD.elf, that runs without interrupts.
 function(palpate_mps2_program name source library)
   set(_target ${name}_${PALPATE_BOARD})

@@ -305,7 +305,7 @@ void Endpoint::send_status() {
     message.frames_received = received.frames;
     message.frames_refused = received.refused() + counters_.frames_refused;
     message.frames_lost = transfers_.lost();
-    message.frames_unsent = counters_.frames_unsent;
+    message.frames_unsent = counters_.frames_unsent + link_.frames_unsent;
     message.missed_deadlines = snapshot.missed_deadlines;
     message.worst_tick_count = snapshot.worst_tick_count;
     message.clock_Hz = clock_Hz_;

@@ -84,6 +84,8 @@ inline constexpr std::uint32_t kLinkTransmitCapacity = PALPATE_LINK_TRANSMIT_BYT
 struct LinkBuffers {
   SpscRing<std::uint8_t, kLinkReceiveCapacity> received;
   SpscRing<std::uint8_t, kLinkTransmitCapacity> transmit;
+  // Frames that the driver has taken from `transmit` for nobody. Background's own.
+  std::uint32_t frames_unsent = 0;
 };
 template <class B>
 concept LinkPort = requires(B& board) {

@@ -47,6 +47,7 @@ void UsbLink::tick() {
 
 // No configuration, so nobody to talk to: after a reset of the bus, too.
 void UsbLink::start_over() {
+  if (packet_waits_ && end_waits_) ++link_.frames_unsent;
   carrier_ = Function::vendor;
   serial_open_ = vendor_open_ = packet_waits_ = empty_due_ = false;
   discard_all();
@@ -96,9 +97,10 @@ void UsbLink::transmit_to_vendor() {
     const Packet packet = take(bytes);
     if (packet.length == 0) return;
     length = packet.length;
+    end_waits_ = packet.ends_frame;
     empty_due_ = packet.ends_frame && length == kPacketBytes;
   } else {
-    empty_due_ = false;
+    empty_due_ = end_waits_ = false;
   }
   packet_waits_ = tud_vendor_n_write_packet(0, bytes.data(), static_cast<std::uint16_t>(length));
   waited_ticks_ = 0;
@@ -126,17 +128,22 @@ UsbLink::Packet UsbLink::take(std::span<std::uint8_t> bytes) {
 }
 
 void UsbLink::skip_rest_of_frame() {
-  std::array<std::uint8_t, kPacketBytes> bytes;
-  while (within_frame_ && take(bytes).length != 0) {
+  while (within_frame_ && discard_some()) {
   }
 }
 
 // Frames are whole in the ring, so behind them the next one begins.
 void UsbLink::discard_all() {
-  std::array<std::uint8_t, kPacketBytes> bytes;
-  while (link_.transmit.read(bytes) != 0) {
+  while (discard_some()) {
   }
   within_frame_ = false;
+}
+
+bool UsbLink::discard_some() {
+  std::array<std::uint8_t, kPacketBytes> bytes;
+  const Packet packet = take(bytes);
+  if (packet.ends_frame) ++link_.frames_unsent;
+  return packet.length != 0;
 }
 
 const std::uint16_t* UsbLink::text_descriptor(Text index) {

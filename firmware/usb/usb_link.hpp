@@ -5,8 +5,9 @@
 //   serial line  opened and closed by DTR, as programs do that open and close such a port
 //   vendor       open when the host takes a packet or sends one; closed when it lets one wait for
 //                kPatience_ticks. While it is closed a packet without bytes waits: who takes it is there
-// What the board says while neither is open is lost, as on a line that nobody listens to; frame by frame, so
-// that who opens one never gets a frame without its beginning.
+// What the board says while neither is open is lost, as on a line that nobody listens to, and counted
+// (LinkBuffers::frames_unsent); frame by frame, so that who opens one never gets a frame without its
+// beginning.
 //
 // On the vendor's endpoints one frame is one transfer: it ends with a packet of less than 64 bytes, so behind
 // a full one with one without bytes. A transfer from the host may end anywhere, the framing finds the frames.
@@ -65,6 +66,8 @@ class UsbLink {
   Packet take(std::span<std::uint8_t> bytes);
   void skip_rest_of_frame();
   void discard_all();
+  // At most a packet; false: there is nothing.
+  bool discard_some();
 
   LinkBuffers& link_;
   std::array<std::uint8_t, 16> unique_id_;
@@ -73,6 +76,7 @@ class UsbLink {
   bool serial_open_ = false;
   bool vendor_open_ = false;
   bool packet_waits_ = false;  // in the vendor's endpoint
+  bool end_waits_ = false;     // it ends a frame
   bool empty_due_ = false;     // the frame that was sent last filled its last packet
   bool within_frame_ = false;  // the ring begins within a frame
   std::uint32_t waited_ticks_ = 0;

@@ -30,7 +30,7 @@ TEST(MediumLimit, IsTheMediumsOwn) {
   EXPECT_GE(usb.link_bytes_per_s, 0.95 * 1'216'000.0);  // each message ends with a shorter packet
   for (const MediumLimit& limit : {line, can, fd, usb}) {
     EXPECT_LE(limit.busy_share, 1.0 + 1e-9);
-    EXPECT_GE(limit.busy_share, 0.95);
+    EXPECT_GE(limit.busy_share, 0.94);  // on USB, beside two questions a frame and what no packet fits in
   }
 }
 

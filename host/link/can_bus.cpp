@@ -28,25 +28,11 @@ std::uint64_t bits_ns(const CanBus& bus, double bits) {
   return static_cast<std::uint64_t>(std::llround(bits * bus.nominal_bit_s * 1e9));
 }
 
-// The number-th of a series of numbers in [0, 1) that look random (SplitMix64 of Steele, Lea and Flood,
-// 2014): a state that is copied goes on as the original does.
-double drawn(std::uint64_t seed, std::uint64_t number) {
-  std::uint64_t z = (seed << 32) + (number + 1) * 0x9E3779B97F4A7C15u;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  constexpr double kRange = 18446744073709551616.0;
-  return static_cast<double>(z ^ (z >> 31)) / kRange;
-}
-
 }  // namespace
 
 MeteredCanBus::MeteredCanBus(const CanBus& bus, std::size_t queue_limit_bytes, BusErrors errors)
     : bus_(bus), queue_limit_bytes_(queue_limit_bytes), errors_(std::move(errors)) {
-  for (const BusError& error : errors_.errors)
-    if (!(error.chance >= 0.0 && error.chance < 1.0) || error.direction >= kDirections)
-      throw std::invalid_argument("MeteredCanBus: errors of direction " + std::to_string(error.direction) +
-                                  " with chance " + std::to_string(error.chance) +
-                                  "; directions are 0 and 1, chances 0 to less than 1");
+  check_bus_errors(errors_, "MeteredCanBus");
   if (!(bus.nominal_bit_s > 0.0) || !(bus.data_bit_s > 0.0))
     throw std::invalid_argument("MeteredCanBus: bit times of " + std::to_string(bus.nominal_bit_s) + " and " +
                                 std::to_string(bus.data_bit_s) + " s; they must be positive");

@@ -12,23 +12,11 @@
 #include <vector>
 
 #include "host/link/bus_direction.hpp"
+#include "host/link/bus_errors.hpp"
 #include "host/link/can_cost.hpp"
 #include "shared/wire/can_record.hpp"
 
 namespace palpate::link {
-
-// In the ticks from first_tick on, before end_tick, each frame that one direction sends is hit with that
-// chance, each attempt anew.
-struct BusError {
-  std::size_t direction = 0;  // 0: down, 1: up
-  double chance = 0.0;        // 0 to 1, less than 1
-  std::uint32_t first_tick = 0;
-  std::uint32_t end_tick = 0xffffffffu;
-};
-struct BusErrors {
-  std::vector<BusError> errors;
-  std::uint32_t seed = 1;
-};
 
 // A frame takes can_frame_s(), the longest that it may: with all stuff bits. When the bus is free, the frame
 // with the least identifier of all that wait goes next, of equal ones the oldest; a frame on its way is not

@@ -5,7 +5,7 @@
 
 #include "host/link/can_bus.hpp"
 #include "host/link/uart.hpp"
-#include "host/link/usb_bus.hpp"
+#include "host/link/usb_host.hpp"
 
 namespace palpate::link {
 namespace {
@@ -34,12 +34,13 @@ class CanLink final : public MeteredLink {
 
 class UsbLink final : public MeteredLink {
  public:
-  explicit UsbLink(std::size_t queue_bytes) : bus_(queue_bytes) {}
-  Medium& down() override { return bus_.down(); }
-  Medium& up() override { return bus_.up(); }
+  explicit UsbLink(const MeteredLinkOptions& options) : host_(options.queue_bytes, options.errors) {}
+  Medium& down() override { return host_.down(); }
+  Medium& up() override { return host_.up(); }
+  UsbHost* usb_host() override { return &host_; }
 
  private:
-  MeteredUsbBus bus_;
+  UsbHost host_;
 };
 
 void require_rate(const char* what, std::uint32_t rate_Hz, std::uint32_t least_Hz, std::uint32_t most_Hz) {
@@ -62,8 +63,8 @@ CanBus can_bus(const MeteredLinkOptions& options, bool fd) {
 }  // namespace
 
 std::unique_ptr<MeteredLink> make_metered_link(const MeteredLinkOptions& options) {
-  if (!options.errors.errors.empty() && framing_of(options.medium) == FramingKind::serial)
-    throw std::invalid_argument("make_metered_link: errors on the bus, of a medium that is none of CAN");
+  if (!options.errors.errors.empty() && options.medium == MediumKind::uart)
+    throw std::invalid_argument("make_metered_link: errors on the bus, of a medium that is none");
   switch (options.medium) {
     case MediumKind::uart:
       return std::make_unique<TwoLines>(options);
@@ -72,7 +73,7 @@ std::unique_ptr<MeteredLink> make_metered_link(const MeteredLinkOptions& options
     case MediumKind::canfd:
       return std::make_unique<CanLink>(can_bus(options, true), options);
     case MediumKind::usb:
-      return std::make_unique<UsbLink>(options.queue_bytes);
+      return std::make_unique<UsbLink>(options);
   }
   throw std::invalid_argument("make_metered_link: unknown medium " +
                               std::to_string(static_cast<int>(options.medium)));

@@ -5,9 +5,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "host/link/can_bus.hpp"
+#include "host/link/bus_errors.hpp"
 #include "host/link/framing.hpp"
 #include "host/link/medium.hpp"
+#include "host/link/usb_host.hpp"
 
 namespace palpate::link {
 
@@ -15,7 +16,7 @@ enum class MediumKind : std::uint8_t {
   uart,   // a line for each direction (uart.hpp)
   can,    // a classic CAN bus (can_bus.hpp)
   canfd,  // a CAN FD bus
-  usb,    // bulk transfers at full speed (usb_bus.hpp)
+  usb,    // a full-speed bus with the board's own USB stack at its end (usb_host.hpp)
 };
 
 struct MeteredLinkOptions {
@@ -24,7 +25,7 @@ struct MeteredLinkOptions {
   std::uint32_t bit_rate_Hz = 1'000'000;       // of CAN: arbitration, on classic CAN all of a frame
   std::uint32_t data_bit_rate_Hz = 5'000'000;  // of CAN FD
   std::size_t queue_bytes = 1u << 20;          // that may wait in each direction
-  BusErrors errors{};                          // of CAN
+  BusErrors errors{};                          // of CAN and USB
 };
 
 // CAN in 10 kbit/s to 1 Mbit/s, data of CAN FD to 8 Mbit/s and never slower than the arbitration.
@@ -40,6 +41,8 @@ class MeteredLink {
 
   virtual Medium& down() = 0;  // host to board
   virtual Medium& up() = 0;    // board to host
+  // Of USB: what is at the host's end. At the board's records of the bus cross.
+  virtual UsbHost* usb_host() { return nullptr; }
 
  protected:
   MeteredLink() = default;

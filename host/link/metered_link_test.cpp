@@ -30,6 +30,11 @@ TEST(MeteredLink, SaysWhatIsSpokenOnIt) {
   EXPECT_EQ(framing_of(MediumKind::canfd), FramingKind::can_fd);
 }
 
+TEST(MeteredLink, HasAHostsControllerOnUsbAlone) {
+  for (const MediumKind kind : {MediumKind::uart, MediumKind::can, MediumKind::canfd, MediumKind::usb})
+    EXPECT_EQ(make_metered_link({.medium = kind})->usb_host() != nullptr, kind == MediumKind::usb);
+}
+
 TEST(MeteredLink, RefusesRatesThatItsMediumCannotHave) {
   for (const MeteredLinkOptions& options :
        {MeteredLinkOptions{.medium = MediumKind::uart, .baud = 300},
@@ -38,6 +43,7 @@ TEST(MeteredLink, RefusesRatesThatItsMediumCannotHave) {
         MeteredLinkOptions{.medium = MediumKind::canfd, .bit_rate_Hz = 0},
         MeteredLinkOptions{.medium = MediumKind::canfd, .data_bit_rate_Hz = 999'999},
         MeteredLinkOptions{.medium = MediumKind::canfd, .data_bit_rate_Hz = 8'000'001},
+        MeteredLinkOptions{.medium = MediumKind::uart, .errors = {.errors = {{.chance = 0.1}}}},
         MeteredLinkOptions{.medium = MediumKind::usb, .queue_bytes = 0}})
     EXPECT_THROW((void)make_metered_link(options), std::invalid_argument);
 }

@@ -19,13 +19,15 @@ bool contains(const std::vector<std::uint32_t>& ticks, std::uint32_t tick) {
 }  // namespace
 
 ClosedLoop::ClosedLoop(const Body& body, const BodyState& start, plant::Plant& plant, LockstepPeer& board,
-                       link::Medium& down, link::Medium& up, const ClosedLoopConfig& config)
+                       link::Medium& down, link::Medium& up, const ClosedLoopConfig& config,
+                       link::UsbHost* usb)
     : plant_(plant),
       device_(plant, board),
       down_(down),
+      usb_(usb),
       config_(config),
       host_(body, start, config),
-      link_(down, up, config) {
+      link_(down, up, config, usb) {
   host_.listen_to_ticks([this](std::uint32_t first, std::uint32_t count, std::uint32_t now) {
     hear_of_ticks(first, count, now);
   });
@@ -75,11 +77,16 @@ LoopTick ClosedLoop::advance() {
 
   const std::uint32_t now = tick();
   device_.run(read, row.board);
+
+  // On USB the exchange carries the bus; what has crossed is what the board has acknowledged.
+  const std::uint64_t arrived = down_.counters().bytes_delivered;
   link_.send_up(std::span(row.board.link).first(row.board.link_length), now);
+  row.link_down_bytes = usb_ == nullptr
+                            ? read.link_length
+                            : static_cast<std::uint32_t>(down_.counters().bytes_delivered - arrived);
 
   const std::vector<std::uint8_t> to_host = link_.to_host(tick());
   row.link_up_bytes = static_cast<std::uint32_t>(to_host.size());
-  row.link_down_bytes = read.link_length;
   if (link_.host_runs(tick())) {
     host_.receive(to_host, host_tick());
     for (const link::OutgoingFrame& frame :
@@ -92,8 +99,9 @@ LoopTick ClosedLoop::advance() {
 
 ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant::Plant& plant,
                                  LockstepPeer& board, link::Medium& down, link::Medium& up,
-                                 const ClosedLoopConfig& config, const Progress& progress) {
-  ClosedLoop loop(body, start, plant, board, down, up, config);
+                                 const ClosedLoopConfig& config, const Progress& progress,
+                                 link::UsbHost* usb) {
+  ClosedLoop loop(body, start, plant, board, down, up, config, usb);
   std::vector<LoopTick> recorded;
   recorded.reserve(config.ticks);
   std::vector<std::uint32_t> heard(config.ticks, ClosedLoopResult::kNeverHeard);
@@ -116,6 +124,8 @@ ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant
   result.troubles = loop.troubles();
   result.hit_ticks_down = loop.hit_ticks(true);
   result.hit_ticks_up = loop.hit_ticks(false);
+  // On USB the board alone knows what nobody took from it.
+  if (usb != nullptr) result.troubles.frames_removed_up += loop.host().frames_unsent();
   result.counters.board_restarts = loop.board_restarts();
   return result;
 }

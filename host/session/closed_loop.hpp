@@ -26,12 +26,14 @@
 
 namespace palpate::host {
 
-// What it is given must outlive it. `down` carries bytes to the board, `up` to the host. One thread. Throws
+// What it is given must outlive it. `down` carries bytes to the board, `up` to the host; `usb` is theirs
+// where they are USB (MeteredLink::usb_host). One thread. Throws
 // what plant, session and peer throw; std::invalid_argument for Feedback::paper without full traces.
 class ClosedLoop {
  public:
   ClosedLoop(const Body& body, const BodyState& start, plant::Plant& plant, LockstepPeer& board,
-             link::Medium& down, link::Medium& up, const ClosedLoopConfig& config);
+             link::Medium& down, link::Medium& up, const ClosedLoopConfig& config,
+             link::UsbHost* usb = nullptr);
 
   // The next servo tick.
   [[nodiscard]] std::uint32_t tick() const { return device_.tick(); }
@@ -75,6 +77,7 @@ class ClosedLoop {
   plant::Plant& plant_;
   EmulatedDevice device_;
   link::Medium& down_;
+  link::UsbHost* usb_;
   ClosedLoopConfig config_;
   LoopHost host_;
   TroubledLink link_;
@@ -90,6 +93,7 @@ class ClosedLoop {
 // std::runtime_error("stopped") when progress says so.
 ClosedLoopResult run_closed_loop(const Body& body, const BodyState& start, plant::Plant& plant,
                                  LockstepPeer& board, link::Medium& down, link::Medium& up,
-                                 const ClosedLoopConfig& config, const Progress& progress);
+                                 const ClosedLoopConfig& config, const Progress& progress,
+                                 link::UsbHost* usb = nullptr);
 
 }  // namespace palpate::host

@@ -45,6 +45,7 @@ struct LinkTroubles {
   std::vector<TickSpan> other_schema;  // the host's models carry another schema hash than the board's
   std::vector<TickSpan> second_host;   // of another node: commands, models and requests of its own
   std::vector<TickSpan> babble;        // on CAN: a node fills the bus with frames of the first priority
+  std::vector<TickSpan> refused;       // on USB: the device refuses all packets, and has none
   // It sends frame after frame, so much of what the link carries.
   struct Flood {
     TickSpan span{};

@@ -35,7 +35,7 @@ LiveLoop::LiveLoop(LiveSetup setup)
       is_can_(setup.loop.framing != link::FramingKind::serial),
       most_busy_ticks_(static_cast<std::uint32_t>(std::ceil(1.0 / (setup.loop.session.update_Hz * kTick_s)))),
       loop_(body_, setup.start, plant_, *board_, link_->down(), link_->up(),
-            without_script(std::move(setup.loop))) {
+            without_script(std::move(setup.loop)), link_->usb_host()) {
   plant_.guide(guide_.now());  // refuses another kind of hand now
 }
 

@@ -295,6 +295,8 @@ void LoopHost::take(const palpate_BoardStatus_1_0& status) {
       "it was built from other message definitions than the host: build both from the same version");
   arming_.take(status);
   traces_.take(status);
+  if (board_status_ && status.frames_unsent > board_status_->frames_unsent)
+    frames_unsent_ += status.frames_unsent - board_status_->frames_unsent;
   board_status_ = status;
 }
 

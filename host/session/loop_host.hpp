@@ -86,6 +86,8 @@ class LoopHost {
   [[nodiscard]] LoopCounters counters() const;
   // As the board said last, if it has.
   [[nodiscard]] const std::optional<palpate_BoardStatus_1_0>& board_status() const { return board_status_; }
+  // That the board has given up, by what it has said since it was heard first (BoardStatus.frames_unsent).
+  [[nodiscard]] std::uint64_t frames_unsent() const { return frames_unsent_; }
   // Of the newest model, the body's own numbers; empty before the first.
   [[nodiscard]] const std::vector<int>& patch_nodes() const { return patch_nodes_; }
 
@@ -159,6 +161,7 @@ class LoopHost {
   std::function<void(const palpate_ServoTrace_1_0&)> listener_;
   std::function<void(std::uint32_t, std::uint32_t, std::uint32_t)> tick_listener_;
   std::optional<palpate_BoardStatus_1_0> board_status_;
+  std::uint64_t frames_unsent_ = 0;
   std::optional<std::string> board_name_;
   std::optional<std::uint32_t> asked_name_tick_;
   ClosedLoopResult result_;

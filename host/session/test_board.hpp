@@ -40,10 +40,12 @@ struct MemoryPlatform {
   void transmit(firmware::LinkBuffers&) {}
 };
 
-class MemoryPeer final : public LockstepPeer {
+// Wire: what the link's bytes in the exchange are.
+template <class Wire>
+class MemoryPeerOn final : public LockstepPeer {
  public:
   // `name`: what it calls itself, for as long as there is a program; "memory" is none that a host knows.
-  explicit MemoryPeer(std::string_view name = "memory") : identity_{name, "0", {1}} {}
+  explicit MemoryPeerOn(std::string_view name = "memory") : identity_{name, "0", {1}} { board_->begin(); }
   void send(const lockstep::SensorFrame& frame) override {
     if ((frame.flags & lockstep::kReset) == 0) {
       platform_.sensors = frame;
@@ -61,15 +63,16 @@ class MemoryPeer final : public LockstepPeer {
   [[nodiscard]] bool has_shut_down() const { return platform_.exited == lockstep::ExitCode::shutdown; }
 
  private:
-  using Board = board::EmulatedBoard<MemoryPlatform, board::ByteWire>;
+  using Board = board::EmulatedBoard<MemoryPlatform, Wire>;
   const firmware::BoardIdentity identity_;
   MemoryPlatform platform_;
   std::unique_ptr<board::ExchangeFrames> frames_ = std::make_unique<board::ExchangeFrames>();
-  board::ByteWire::Hardware hardware_;
+  typename Wire::Hardware hardware_;
   std::unique_ptr<Board> board_ =
       std::make_unique<Board>(platform_, *frames_, hardware_, identity_.unique_id);
   std::unique_ptr<firmware::App<Board>> app_ =
       std::make_unique<firmware::App<Board>>(*board_, identity_, firmware::kCatchUpCortexM4);
 };
+using MemoryPeer = MemoryPeerOn<board::ByteWire>;
 
 }  // namespace palpate::host::test

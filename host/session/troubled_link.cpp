@@ -72,9 +72,11 @@ std::vector<std::uint8_t> TroubledDirection::pass(std::span<const std::uint8_t> 
   return {};
 }
 
-TroubledLink::TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config)
+TroubledLink::TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config,
+                           link::UsbHost* usb)
     : down_(down),
       up_(up),
+      usb_(usb),
       troubles_(config.troubles),
       framing_(config.framing),
       faults_down_(framing_, config.faults_down, troubles_.random_down, 2 * troubles_.seed),
@@ -84,28 +86,56 @@ TroubledLink::TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoo
       other_({.node = kOtherNode, .framing = config.framing}) {
   if (!troubles_.babble.empty() && framing_ == link::FramingKind::serial)
     throw std::invalid_argument("faults of a link: a node babbles on CAN only");
+  if (!troubles_.refused.empty() && usb_ == nullptr)
+    throw std::invalid_argument("faults of a link: a device refuses on USB only");
+  if (usb_ != nullptr &&
+      !(config.faults_down.empty() && config.faults_up.empty() && troubles_.random_down.empty() &&
+        troubles_.random_up.empty() && troubles_.second_host.empty() && troubles_.flood.empty()))
+    throw std::invalid_argument(
+        "faults of a link: a USB bus has one host, and repeats what an error has hit: no frame of it is "
+        "lost, "
+        "comes twice or overtakes");
 }
 
 bool TroubledLink::is_unplugged(std::uint32_t tick) const {
   return unplugged_ || contains(troubles_.unplugged, tick);
 }
 
+// A program cannot begin before there is a device to open.
 bool TroubledLink::host_runs(std::uint32_t tick) const {
-  return !contains(troubles_.host_stopped, tick);
+  return !contains(troubles_.host_stopped, tick) && (usb_ == nullptr || usb_->was_open());
 }
 
 void TroubledLink::send_up(std::span<const std::uint8_t> bytes, std::uint32_t tick) {
+  if (usb_ != nullptr) {
+    (void)up_.submit(bytes, tick);
+    return;
+  }
   delay_up_.submit(faults_up_.apply(bytes, tick, is_unplugged(tick)), tick);
   delay_up_.deliver(tick, [&](const std::vector<std::uint8_t>& due) { (void)up_.submit(due, tick); });
 }
 
 void TroubledLink::send_down(std::span<const std::uint8_t> frame, std::uint32_t tick) {
+  if (usb_ != nullptr) {
+    delay_down_.submit({frame.begin(), frame.end()}, tick);
+    return;
+  }
   delay_down_.submit(faults_down_.apply(frame, tick, is_unplugged(tick)), tick);
 }
 
 std::vector<std::uint8_t> TroubledLink::to_host(std::uint32_t tick) {
-  const std::vector<std::uint8_t> arrived = up_.deliver(tick);
-  waiting_.insert(waiting_.end(), arrived.begin(), arrived.end());
+  const auto wait = [this](const std::vector<std::uint8_t>& arrived) {
+    waiting_.insert(waiting_.end(), arrived.begin(), arrived.end());
+  };
+  if (usb_ != nullptr) {
+    delay_up_.submit(up_.deliver(tick), tick);
+    delay_up_.deliver(tick, wait);
+    usb_->set_plugged(!is_unplugged(tick), tick);
+    usb_->set_program_runs(!contains(troubles_.host_stopped, tick));
+    usb_->set_refused(contains(troubles_.refused, tick));
+  } else {
+    wait(up_.deliver(tick));
+  }
   if (!host_runs(tick)) return {};
   return std::exchange(waiting_, {});
 }
@@ -183,7 +213,7 @@ TroubleCounters TroubledLink::counters() const {
   };
   return {.down = of(faults_down_, delay_down_),
           .up = of(faults_up_, delay_up_),
-          .frames_removed_down = faults_down_.removed(),
+          .frames_removed_down = faults_down_.removed() + (usb_ == nullptr ? 0 : usb_->frames_unsent()),
           .frames_removed_up = faults_up_.removed(),
           .foreign_frames = foreign_};
 }

@@ -11,6 +11,7 @@
 #include "host/link/fault_plan.hpp"
 #include "host/link/host_endpoint.hpp"
 #include "host/link/medium.hpp"
+#include "host/link/usb_host.hpp"
 #include "host/session/closed_loop_config.hpp"
 #include "host/session/trouble_counters.hpp"
 
@@ -47,11 +48,16 @@ class TroubledDirection {
   std::vector<std::uint32_t> hit_ticks_;
 };
 
-// `down` and `up` must outlive it. One thread; ticks never decrease.
+// `down` and `up` must outlive it. One thread; ticks never decrease. On USB the cable and the program's
+// standing still are the host controller's, which knows what has crossed, and delays are the driver's: on the
+// bus itself there are records, and what is on their way comes to the host later than it crosses.
 class TroubledLink {
  public:
-  // Throws as TroubledDirection does, and std::invalid_argument for a babbling node that is not on CAN.
-  TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config);
+  // Throws as TroubledDirection does, and std::invalid_argument for a babbling node that is not on CAN, for a
+  // device that refuses and is not on USB, and for what a USB bus cannot do. `usb`: of down and up, where
+  // they are USB.
+  TroubledLink(link::Medium& down, link::Medium& up, const ClosedLoopConfig& config,
+               link::UsbHost* usb = nullptr);
 
   // Bytes of one end on their way to the other.
   void send_up(std::span<const std::uint8_t> bytes, std::uint32_t tick);
@@ -80,6 +86,7 @@ class TroubledLink {
   void add_foreign(double bytes, std::uint32_t identifier, std::vector<link::OutgoingFrame>& frames) const;
 
   link::Medium &down_, &up_;
+  link::UsbHost* usb_;
   LinkTroubles troubles_;
   link::FramingKind framing_;
   TroubledDirection faults_down_, faults_up_;

@@ -78,7 +78,7 @@ nb::dict run_closed_loop(const nb::dict& scene, int actuator_fd, int sensor_fd, 
   {
     const nb::gil_scoped_release no_gil;
     run = host::run_closed_loop(body, start, plant, board, link->down(), link->up(), config,
-                                with_gil(progress));
+                                with_gil(progress), link->usb_host());
   }
   nb::dict result;
   add_ticks(result, run.ticks);

@@ -69,9 +69,9 @@ void for_each_of(const nb::dict& table, const char* key, Each each) {
   for (const nb::handle entry : nb::object(table[key])) each(nb::cast<nb::dict>(entry));
 }
 
-// A bit that flips on a CAN bus: no frame arrives damaged, it goes again.
-bool is_bus_error(const nb::dict& random, bool is_can) {
-  return is_can && text(random, "kind") == "flip";
+// A bit that flips on a bus: no frame arrives damaged, it goes again.
+bool is_bus_error(const nb::dict& random, bool is_bus) {
+  return is_bus && text(random, "kind") == "flip";
 }
 
 link::BusErrors read_bus_errors(const nb::dict& table) {
@@ -85,11 +85,11 @@ link::BusErrors read_bus_errors(const nb::dict& table) {
   return errors;
 }
 
-host::LinkTroubles read_troubles(const nb::dict& table, bool is_can) {
+host::LinkTroubles read_troubles(const nb::dict& table, bool is_bus) {
   host::LinkTroubles troubles;
   troubles.seed = whole(table, "seed");
   for_each_of(table, "random", [&](const nb::dict& fields) {
-    if (is_bus_error(fields, is_can)) return;
+    if (is_bus_error(fields, is_bus)) return;
     const host::TickSpan when = span(fields);
     auto& list = text(fields, "way") == "down" ? troubles.random_down : troubles.random_up;
     const auto kind = choice<link::FaultKind>(text(fields, "kind"), "link.faults.random.kind",
@@ -115,6 +115,7 @@ host::LinkTroubles read_troubles(const nb::dict& table, bool is_can) {
   for_each_of(table, "second_host",
               [&](const nb::dict& fields) { troubles.second_host.push_back(span(fields)); });
   for_each_of(table, "babble", [&](const nb::dict& fields) { troubles.babble.push_back(span(fields)); });
+  for_each_of(table, "refused", [&](const nb::dict& fields) { troubles.refused.push_back(span(fields)); });
   for_each_of(table, "flood", [&](const nb::dict& fields) {
     troubles.flood.push_back({span(fields), number(fields, "load")});
   });
@@ -338,7 +339,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   });
   config.faults_down = faults(link_faults, "down");
   config.faults_up = faults(link_faults, "up");
-  config.troubles = read_troubles(link_faults, config.framing != link::FramingKind::serial);
+  config.troubles = read_troubles(link_faults, read_link(scene).medium != link::MediumKind::uart);
   return config;
 }
 
@@ -349,13 +350,13 @@ link::MeteredLinkOptions read_link(const nb::dict& scene) {
                                                 {"can", link::MediumKind::can},
                                                 {"canfd", link::MediumKind::canfd},
                                                 {"usb", link::MediumKind::usb}});
-  const bool is_can = link::framing_of(medium) != link::FramingKind::serial;
   return {.medium = medium,
           .baud = whole(link, "baud"),
           .bit_rate_Hz = whole(link, "bit_rate_Hz"),
           .data_bit_rate_Hz = whole(link, "data_bit_rate_Hz"),
           .queue_bytes = whole(link, "queue_bytes"),
-          .errors = is_can ? read_bus_errors(table(link, "faults")) : link::BusErrors{}};
+          .errors =
+              medium == link::MediumKind::uart ? link::BusErrors{} : read_bus_errors(table(link, "faults"))};
 }
 
 host::Method read_method(const nb::dict& scene) {

@@ -251,7 +251,7 @@ def build_parser() -> argparse.ArgumentParser:
     faults.add_argument("--quick", action="store_true", help="some cases that stand for the rest; with --only those of them")
     faults.add_argument("--only", nargs="+", metavar="CASE", help="these cases, by name or group; a name that is none lists the groups")
     faults.add_argument("--board", choices=("native", "mps2_an386"), default="native", help="the board that runs the firmware (default: native)")
-    faults.add_argument("--medium", choices=("uart", "can", "canfd"), default="uart", help="the link, with its cases (default: uart)")
+    faults.add_argument("--medium", choices=("uart", "can", "canfd", "usb"), default="uart", help="the link, with its cases (default: uart)")
     add_out(faults, "out/faults")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))

@@ -15,7 +15,6 @@ from palpate.machine.peripheral import MachineError
 from palpate.scene_checks import NUCLEO as BOARD  # the only one that is no emulator
 from palpate.scene_schema import SceneError
 
-LINKS = {"uart": "", "usb": "_usb", "can": "_can_classic", "canfd": "_can_fd"}
 _TIMEOUT_S = 120.0
 
 
@@ -51,8 +50,7 @@ class Flashed:
 
 def flash(link: str, tool: str | None) -> Flashed:
     """Raises SceneError where the image is not there or none for this board, or the program for it is missing."""
-    elf = hil.BOARDS[BOARD].image
-    elf = elf.with_stem(elf.stem + LINKS[link])
+    elf = hil.BOARDS[BOARD].on(link).image
     if not elf.exists():
         raise SceneError(f"palpate flash: {elf} does not exist: ./run build --board {BOARD} builds it")
     try:

@@ -42,9 +42,9 @@ class BoardError(RuntimeError):
     """The board cannot be started, died, or hangs."""
 
 
-# What firmware and host speak on a medium of scenes: an image for each.
-SERIAL = "serial"
-FRAMINGS = {"uart": SERIAL, "usb": SERIAL, "can": "can_classic", "canfd": "can_fd"}
+# A board's images, by the medium of scenes: what their file's name has behind the board's.
+IMAGES = {"uart": "", "usb": "_usb", "can": "_can_classic", "canfd": "_can_fd"}
+_NO_USB = "it has a USB stack where TinyUSB's sources are, which ./run unpacks where there is cargo, and then builds it"
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,7 @@ class BoardType:
 
     def on(self, medium: str) -> "BoardType":
         """The same board with the firmware for a scene's `link.medium`."""
-        framing = FRAMINGS[medium]
-        return self if framing == SERIAL else replace(self, image=self.image.with_stem(f"{self.image.stem}_{framing}"))
+        return replace(self, image=self.image.with_stem(self.image.stem + IMAGES[medium]))
 
     def of(self, scene: SceneFile) -> "BoardType":
         """The same board with the firmware and the supervisor's times of a scene."""
@@ -176,6 +175,8 @@ class Board:
     def __enter__(self) -> Self:
         if not self._type.image.exists():
             remedy = "./run builds it" if SOURCE else "it needs the source tree, where ./run builds it; native is here"
+            if self._type.image.stem.endswith(IMAGES["usb"]):
+                remedy = _NO_USB
             raise BoardError(f"board {self._type.name}: {self._type.image} does not exist: {remedy}")
         self._folder = tempfile.TemporaryDirectory(prefix="palpate-", ignore_cleanup_errors=True)
         try:

@@ -19,6 +19,7 @@ _NAMED = {
     "second_host": "second host",
     "flood": "flood",
     "babble": "babbling node",
+    "refused": "device refuses",
 }
 
 _COUNTED = ("dropped", "flipped", "truncated", "duplicated", "reordered", "delayed", "cut", "sent_again", "bus_offs")
@@ -152,7 +153,8 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
             break
         of = faults[way]
         hit = [f"{kind.replace('_', ' ')} {of[kind]:,}" for kind in _COUNTED if of[kind]]
-        text = f"{', '.join(hit) or 'none'} (of {of['frames']:,} frames); did not come {of['removed']:,}, missed {of['lost']:,}"
+        frames = f" (of {of['frames']:,} frames)" if of["frames"] else ""  # on USB packets are hit, and frames not looked at
+        text = f"{', '.join(hit) or 'none'}{frames}; did not come {of['removed']:,}, missed {of['lost']:,}"
         found.append((f"faults injected, to {to}", text))
     if faults and faults["foreign_frames"]:
         found.append(("frames of other nodes", f"{faults['foreign_frames']:,}"))

@@ -4,7 +4,7 @@ from palpate.scene_sections import Link
 
 TICKS_PER_SECOND = 1000
 _BITS_PER_BYTE_OF_A_UART = 10.0
-_BULK_BYTES_PER_FRAME = 19 * 64.0  # host/link/usb_bus.hpp
+_BULK_BYTES_PER_FRAME = 19 * 64.0  # host/link/usb_time.hpp
 
 
 def is_shared(link: Link) -> bool:

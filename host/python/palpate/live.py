@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core, record_layout
 from palpate.body import Body, vector3
-from palpate.hil import BOARDS, FRAMINGS, SERIAL, WATCHDOG_S, Board, BoardError
+from palpate.hil import BOARDS, WATCHDOG_S, Board, BoardError
 from palpate.history import History
 from palpate.paths import cache_folder
 from palpate.recorder import Recorder
@@ -113,9 +113,10 @@ class Live:
         medium = scene.sections.link.medium
         self._board = None if self.is_attached else Board(BOARDS[board].of(scene.sections), watchdog_s)
         self.medium = medium
-        self.is_on_can = not self.is_attached and FRAMINGS[medium] != SERIAL
-        # What add_faults() takes (host/link/fault_plan.hpp, can_fault_plan.hpp): nothing beside an attached board.
-        self.fault_kinds = () if self.is_attached else CAN_FAULT_KINDS if self.is_on_can else SERIAL_FAULT_KINDS
+        self.is_on_can = not self.is_attached and medium in ("can", "canfd")
+        # What add_faults() takes (host/link/fault_plan.hpp, can_fault_plan.hpp): nothing beside an attached board, and nothing on a USB bus,
+        # which repeats what an error has hit.
+        self.fault_kinds = () if self.is_attached or medium == "usb" else CAN_FAULT_KINDS if self.is_on_can else SERIAL_FAULT_KINDS
         self._triangles = Body(scene).triangles if self.is_attached else None
         self._recorder: Recorder | None = None
         self._before: dict[str, int] = {}  # counters when the recording began

@@ -372,6 +372,9 @@ def _check_patch(reader: Reader, scene: SceneFile) -> None:
         )
 
 
+# On a USB bus (USB 2.0, 8.6 and 8.7).
+_ONE_HOST = "a USB bus has one host, and no device sends what it has not asked for"
+_REPEATS = "it repeats what an error has hit, so that no frame is lost, cut, comes twice or overtakes"
 # On a CAN bus (ISO 11898-1).
 _NOT_ON_CAN = {
     "truncate": "a frame says its length under its CRC, so none is cut short",
@@ -386,16 +389,38 @@ def _check_link(reader: Reader, link: Link) -> None:
             "link.data_bit_rate_Hz", link.data_bit_rate_Hz, f"in [{link.bit_rate_Hz}, 8000000] bit/s, at least link.bit_rate_Hz"
         )
     faults = link.faults
-    if link.medium not in ("can", "canfd"):
-        if faults.babble:
-            raise reader.problem("link.faults.babble", f'given together with link.medium = "{link.medium}"; a node babbles on "can" and "canfd" only')
+    if link.medium != "usb" and faults.refused:
+        raise reader.problem("link.faults.refused", f'given together with link.medium = "{link.medium}"; a device refuses packets on "usb" only')
+    if link.medium not in ("can", "canfd") and faults.babble:
+        raise reader.problem("link.faults.babble", f'given together with link.medium = "{link.medium}"; a node babbles on "can" and "canfd" only')
+    if link.medium == "uart":
         return
     for name in (f"{kind}_{way}" for kind in ("drop", "flip", "duplicate", "reorder") for way in FAULT_WAYS):
         if getattr(faults, name):
             raise reader.problem(
                 f"link.faults.{name}",
-                f'given together with link.medium = "{link.medium}"; frames have numbers on "uart" and "usb" only: there is link.faults.random',
+                f'given together with link.medium = "{link.medium}"; frames have numbers on "uart" only: there is link.faults.random',
             )
+    if link.medium == "usb":
+        _check_usb_faults(reader, faults)
+    else:
+        _check_can_faults(reader, link)
+
+
+def _check_usb_faults(reader: Reader, faults: LinkFaults) -> None:
+    for name in ("second_host", "flood"):
+        if getattr(faults, name):
+            raise reader.problem(f"link.faults.{name}", f'given together with link.medium = "usb"; {_ONE_HOST}')
+    for i, fault in enumerate(faults.random):
+        where = f"link.faults.random[{i}]"
+        if fault.kind != "flip":
+            raise reader.error(f"{where}.kind", fault.kind, f'"flip" where link.medium = "usb": {_REPEATS}')
+        if fault.chance > _MOST_BUS_ERRORS:
+            raise reader.error(f"{where}.chance", fault.chance, f'in [0, {_MOST_BUS_ERRORS:g}] where link.medium = "usb", or no packet ever goes through')
+
+
+def _check_can_faults(reader: Reader, link: Link) -> None:
+    faults = link.faults
     for i, flood in enumerate(faults.flood):
         if flood.load > 1.0:
             raise reader.error(
@@ -439,7 +464,7 @@ def _check_board_faults(reader: Reader, faults: BoardFaults, duration_s: float) 
 
 
 def _check_fault_times(reader: Reader, faults: LinkFaults, duration_s: float) -> None:
-    for name in ("random", "delay", "unplugged", "host_stopped", "other_schema", "second_host", "babble", "flood"):
+    for name in ("random", "delay", "unplugged", "host_stopped", "other_schema", "second_host", "babble", "flood", "refused"):
         for i, span in enumerate(getattr(faults, name)):
             if span.to_s <= span.from_s:
                 raise reader.error(
@@ -456,10 +481,6 @@ def _check_nucleo(reader: Reader, scene: SceneFile) -> None:
     if any(time_s is not None for time_s in astuple(scene.safety)):
         raise reader.problem(
             "safety", f"the image for board.name = \"{NUCLEO}\" has times of its own (boards/{NUCLEO}/limits.hpp); leave it out"
-        )
-    if scene.link.medium == "usb":
-        raise reader.error(
-            "link.medium", "usb", f'"uart", "can" or "canfd" where board.name = "{NUCLEO}": its USB has no host here'
         )
     if scene.link.medium == "uart" and scene.link.baud != NUCLEO_BAUD:
         raise reader.error("link.baud", scene.link.baud, f'{NUCLEO_BAUD} where board.name = "{NUCLEO}"')

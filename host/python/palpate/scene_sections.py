@@ -439,7 +439,7 @@ class RandomFault(TimeSpan):
         Choice(("drop", "flip", "truncate", "duplicate", "reorder")),
         "what happens to a frame that is hit; which bit flips, where it is cut and how many frames, up to 3, go before it is drawn, too. "
         "On `can` and `canfd`, each frame of the bus: `drop`: lost, and not sent again; `duplicate`: it comes twice, one behind the other; "
-        "`flip`: every node signals an error, and the frame goes again",
+        "`flip`: every node signals an error, and the frame goes again. On `usb`, each packet: `flip` alone, and it goes again",
     )
     chance: float = key(Number(0.0, 1.0), "that a frame is hit")
 
@@ -513,6 +513,9 @@ class LinkFaults:
     babble: tuple[TimeSpan, ...] = key(
         TablesOf(TimeSpan, 100), "`can`, `canfd`: a broken node fills the bus with frames of the first priority", default=()
     )
+    refused: tuple[TimeSpan, ...] = key(
+        TablesOf(TimeSpan, 100), "`usb`: the device refuses every packet (NAK), and has none to give", default=()
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -522,8 +525,8 @@ class Link:
     medium: str = key(
         Choice(("uart", "can", "canfd", "usb")),
         "what carries the frames; `uart`: a serial line in each direction, 10 bits a byte; `can`, `canfd`: a bus that both "
-        "directions share, frame by frame; `usb`: bulk packets at full speed, 19 of 64 bytes a millisecond for both directions; "
-        "`--medium` overrides it",
+        "directions share, frame by frame; `usb`: a full-speed bus with the firmware's own USB stack at its end, 19 packets of 64 bytes a "
+        "millisecond for both directions; `--medium` overrides it",
         default="uart",
     )
     baud: int = key(

@@ -369,6 +369,28 @@ def test_the_short_matrix_on_a_can_bus_breaks_no_rule(tmp_path):
     assert numbers["flip 10 %"]["sent_again"] > 100 and numbers["babbling node 2 s, peak"]["outputs_off_ticks"] is not None
 
 
+def test_the_short_matrix_on_usb_breaks_no_rule(tmp_path):
+    done = palpate("bench", "faults", "--medium", "usb", "--quick", "--out", str(tmp_path / "out"), "--json")
+    assert done.returncode == 0, done.stderr
+    values = json.loads(done.stdout)
+    assert values["passed"] and values["medium"] == "usb" and len(values["cases"]) == 4
+    numbers = {one["name"]: one for one in values["cases"]}
+    assert numbers["flip 10 %"]["sent_again"] > 100
+    out = numbers["unplugged 2 s, peak"]
+    # Traces of 2 s and of what it takes to come back; settling, reset and recovery are 120 ms of that.
+    assert out["lost_up"] == out["removed_up"] > 2000 / 4 and out["lost_down"] == out["removed_down"] > 10
+    assert 120 < out["recovery_ticks"] < 300
+    assert numbers["refused 2 s, peak"]["removed_down"] == 0 < numbers["refused 2 s, peak"]["lost_up"]
+    assert numbers["board reset, peak"]["board_restarts"] == 1
+
+
+def test_a_board_that_starts_again_need_not_know_what_it_missed():
+    ways = {"removed": {"down": 4, "up": 0}, "counters": {"frames_lost_down": 0, "frames_lost_up": 0}}
+    assert broken(replace(made_run(), **ways), case(loss=cases.RESTART)) == ""
+    more = {**ways, "counters": {"frames_lost_down": 5, "frames_lost_up": 0}}
+    assert "frames_lost_down = 5: 4 were removed" in broken(replace(made_run(), **more), case(loss=cases.RESTART))
+
+
 def test_the_matrix_breaks_no_rule(tmp_path):
     """The gate: runs the firmware as a Linux process (and once in QEMU) through the whole matrix of a serial line."""
     done = palpate("bench", "faults", "--out", str(tmp_path / "out"), "--json", timeout_s=500.0)

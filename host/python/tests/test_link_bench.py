@@ -62,7 +62,7 @@ def test_nothing_is_earlier_than_its_bytes(values: dict[str, Any]) -> None:
 def test_the_limit_is_the_mediums(values: dict[str, Any]) -> None:
     for medium, limit in values["limits"].items():
         assert limit["message_bytes_per_s"] <= 1000 * MOST_BYTES_PER_TICK[medium]
-        assert 0.95 <= limit["busy_share"] <= 1.0 + 1e-9
+        assert 0.94 <= limit["busy_share"] <= 1.0 + 1e-9  # on USB, beside two questions a frame and what no packet fits in
 
 
 def test_bases_of_every_frame_hold_as_often_as_the_bus_brings_them(values: dict[str, Any]) -> None:

@@ -521,10 +521,6 @@ BAD = {
         "scene.toml: model.patch_nodes = [4, 4, 3]: must be at most 32 nodes in all where board.name = "
         '"nucleo_g474re", which has room for 96 modes',
     ),
-    "USB of the real part": (
-        GOOD + "[link]\nmedium = 'usb'\n[board]\nname = 'nucleo_g474re'",
-        'scene.toml: link.medium = "usb": must be "uart", "can" or "canfd" where board.name = "nucleo_g474re": its USB has no host here',
-    ),
     "baud rate of the real part": (
         GOOD + "[link]\nbaud = 3_000_000\n[board]\nname = 'nucleo_g474re'",
         'scene.toml: link.baud = 3000000: must be 921600 where board.name = "nucleo_g474re"',
@@ -583,7 +579,7 @@ BAD = {
     ),
     "faults of serial frames on CAN": (
         GOOD + '[link]\nmedium = "canfd"\n[link.faults]\ndrop_up = [1]',
-        'scene.toml: link.faults.drop_up: given together with link.medium = "canfd"; frames have numbers on "uart" and "usb" only: there is '
+        'scene.toml: link.faults.drop_up: given together with link.medium = "canfd"; frames have numbers on "uart" only: there is '
         "link.faults.random",
     ),
     "cut frames on CAN": (
@@ -603,6 +599,30 @@ BAD = {
     "more than a CAN bus": (
         GOOD + '[link]\nmedium = "canfd"\n[link.faults]\nflood = [{ load = 1.5 }]',
         'scene.toml: link.faults.flood[0].load = 1.5: must be in [0, 1] where link.medium = "canfd": no node sends more than its bus carries',
+    ),
+    "faults of serial frames on USB": (
+        GOOD + '[link]\nmedium = "usb"\n[link.faults]\ndrop_up = [1]',
+        'scene.toml: link.faults.drop_up: given together with link.medium = "usb"; frames have numbers on "uart" only: there is link.faults.random',
+    ),
+    "frames that USB loses": (
+        GOOD + '[link]\nmedium = "usb"\n[link.faults]\nrandom = [{ way = "up", kind = "drop", chance = 0.1 }]',
+        'scene.toml: link.faults.random[0].kind = "drop": must be "flip" where link.medium = "usb": it repeats what an error has hit',
+    ),
+    "errors on USB without end": (
+        GOOD + '[link]\nmedium = "usb"\n[link.faults]\nrandom = [{ way = "up", kind = "flip", chance = 1 }]',
+        'scene.toml: link.faults.random[0].chance = 1: must be in [0, 0.9] where link.medium = "usb", or no packet ever goes through',
+    ),
+    "two hosts on USB": (
+        GOOD + '[link]\nmedium = "usb"\n[link.faults]\nsecond_host = [{ from_s = 1 }]',
+        'scene.toml: link.faults.second_host: given together with link.medium = "usb"; a USB bus has one host',
+    ),
+    "flood on USB": (
+        GOOD + '[link]\nmedium = "usb"\n[link.faults]\nflood = [{ from_s = 1 }]',
+        'scene.toml: link.faults.flood: given together with link.medium = "usb"; a USB bus has one host',
+    ),
+    "refusal on a serial line": (
+        GOOD + "[link.faults]\nrefused = [{ from_s = 1 }]",
+        'scene.toml: link.faults.refused: given together with link.medium = "uart"; a device refuses packets on "usb" only',
     ),
     "babbling on a serial line": (
         GOOD + "[link.faults]\nbabble = [{ from_s = 1 }]",

@@ -15,13 +15,14 @@ MEDIA: dict[str, dict[str, Any]] = {
     "uart": {},
     "can": {"link.medium": "can", "link.trace": "tip", "rates.model_update_Hz": 20.0, "model.patch_nodes": [3, 3, 2]},
     "canfd": {"link.medium": "canfd", "link.trace": "tip"},
+    "usb": {"link.medium": "usb", "link.trace": "tip"},
 }
 # Of joint 0, shared/device/parameters.hpp; a test holds it against it.
 COUNTS_PER_RAD = 4 * 1024 * 13.3 / (2.0 * math.pi)
 # Frames of a flood in a tick, host/session/troubled_link.cpp; a test holds it against it.
 MOST_FLOOD = 64
 LINK, CUT = "link", "cut"
-EXACT, MODULO = "exact", "modulo"
+EXACT, MODULO, RESTART = "exact", "modulo", "restart"
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Case:
     ends_mode: that the board is in at the end of the run. faults: latched then. silent: nothing of the host arrives. refused: its
     models do, and the board takes none of them. restarts: of the board, that the host must find.
     loss: how frames that were removed show as lost: each one (EXACT) or, on CAN, whose transfers have numbers of 5 bits, all but so
-    many times 32 (MODULO). unseen: so many of those that a full queue has dropped need not, for nothing of their sender comes after them.
+    many times 32 (MODULO); a board that has started again counts from there, so that what was removed need not show at it (RESTART). unseen: so many of those that a full queue has dropped need not, for nothing of their sender comes after them.
     rare: frames of ports on which nothing comes regularly (commands, pieces of bases, requests for traces), of which the last need not show either.
     displaces: on classic CAN the board has room for one model at a time, so that another host's take the place of ours, and each of ours
     that is not answered is lost.  duration_s: of the run. board: the only
@@ -92,7 +93,7 @@ def _delay(delay_ms: float, jitter_ms: float, *, quick: bool = False) -> Case:
 
 def _silence(key: str, phase: str, length_s: float, *, quick: bool = False, loss: str = EXACT) -> Case:
     first_s = PHASES_S[phase]
-    what = {"unplugged": "unplugged", "host_stopped": "host stopped", "babble": "babbling node"}[key]
+    what = {"unplugged": "unplugged", "host_stopped": "host stopped", "babble": "babbling node", "refused": "refused"}[key]
     return Case(f"{what} {length_s:g} s, {phase}", what, {f"link.faults.{key}": [_span(first_s, first_s + length_s)]}, first_s,
                 first_s + length_s, silent=True, quick=quick, loss=loss, levels={"length_s": length_s})  # fmt: skip
 
@@ -116,6 +117,19 @@ def _flood(load: float) -> Case:
                 unseen=MOST_FLOOD, levels={"load": load})  # fmt: skip
 
 
+def _host_killed() -> Case:
+    """Silence that latches, and time to see that it stays so."""
+    peak_s, lost_s = PHASES_S["peak"], 11.5
+    return Case("host killed, peak", "host killed", {"link.faults.host_stopped": [_span(peak_s, 600.0)]}, peak_s, 600.0, silent=True,
+                ends_mode="fault", faults=1 << 9, duration_s=peak_s + lost_s)  # fmt: skip
+
+
+def _board_reset() -> Case:
+    peak_s = PHASES_S["peak"]
+    return Case("board reset, peak", "board reset", {"board.faults.reset_ticks": [round(peak_s * 1000)]}, peak_s, peak_s, kind=CUT,
+                ends_mode="idle", restarts=1, quick=True)  # fmt: skip
+
+
 def _second_host() -> Case:
     first_s, end_s = WHOLE_S
     return Case("second host", "second host", {"link.faults.second_host": [_span(first_s, end_s)]}, first_s, end_s, displaces=True)
@@ -123,14 +137,13 @@ def _second_host() -> Case:
 
 def all_cases(medium: str = "uart") -> tuple[Case, ...]:
     """Every case of a medium, by group."""
-    return serial_cases() if medium == "uart" else can_cases()
+    return {"uart": serial_cases, "usb": usb_cases}.get(medium, can_cases)()
 
 
 def serial_cases() -> tuple[Case, ...]:
     """The whole matrix."""
     peak_s = PHASES_S["peak"]
     peak_tick = round(peak_s * 1000)
-    lost_s = 11.5  # silence that latches, and time to see that it stays so
     return (
         *(_random("drop", percent, quick=percent == 50) for percent in (1, 5, 10, 25, 50)),
         *(_delay(ms, 0) for ms in (10, 50, 100, 200, 500)),
@@ -147,16 +160,14 @@ def serial_cases() -> tuple[Case, ...]:
             for length_s in (0.1, 0.5, 2.0)
         ),
         *(_silence("host_stopped", phase, length_s) for phase in PHASES_S for length_s in (0.5, 2.0)),
-        Case("host killed, peak", "host killed", {"link.faults.host_stopped": [_span(peak_s, 600.0)]}, peak_s, 600.0, silent=True,
-             ends_mode="fault", faults=1 << 9, duration_s=peak_s + lost_s),
+        _host_killed(),
         Case("unplugged 10.5 s, stick", "unplugged", {"link.faults.unplugged": [_span(1.0, 11.5)]}, 1.0, 11.5, silent=True,
              ends_mode="fault", faults=1 << 9, duration_s=12.5),
         *(_other_schema(phase, quick=phase == "peak") for phase in ("slip", "peak")),
         # Of the limit of 0.05 rad a tick: a fifth more, and less than half, which is still faster than the tip may be.
         _encoder("encoder jump", 0.06, 1 << 3 | 1 << 4),
         _encoder("over-speed", 0.02, 1 << 4),
-        Case("board reset, peak", "board reset", {"board.faults.reset_ticks": [peak_tick]}, peak_s, peak_s, kind=CUT,
-             ends_mode="idle", restarts=1, quick=True),
+        _board_reset(),
         Case("emergency stop, peak", "emergency stop", {"board.faults.emergency_stop_ticks": [peak_tick]}, peak_s, peak_s,
              kind=CUT, ends_mode="fault", faults=1, quick=True),
         Case("ticks overrun, peak", "overrun", {"board.faults.overlong_ticks": [peak_tick + 4 * i for i in range(4)]}, peak_s,
@@ -178,6 +189,27 @@ def can_cases() -> tuple[Case, ...]:
         *(_silence("host_stopped", phase, 2.0) for phase in ("slip", "peak")),
         _silence("babble", "stick", 0.5),
         _silence("babble", "peak", 2.0, quick=True),
+    )
+
+
+def usb_cases() -> tuple[Case, ...]:
+    """What a USB bus can do: it has one host, and repeats what an error has hit."""
+    lengths_s = {"free": 2.0, "stick": 0.5, "slip": 2.0, "peak": 2.0}
+    # The heartbeat of the board's start goes before there is a host, so that those of 1 and 2 s, in the first phase, are not missed.
+    heartbeats = {"free": 2, "stick": 0, "slip": 0, "peak": 0}
+    return (
+        *(_random("flip", percent, quick=percent == 10) for percent in (1, 10, 25)),
+        *(_delay(ms, 0) for ms in (50, 200)),
+        _delay(0, 30),
+        *(
+            replace(_silence(key, phase, length_s, quick=key == "unplugged" and phase == "peak"), rare=heartbeats[phase])
+            for key in ("unplugged", "host_stopped")
+            for phase, length_s in lengths_s.items()
+        ),
+        _host_killed(),
+        *(_silence("refused", phase, lengths_s[phase], quick=phase == "peak") for phase in ("stick", "peak")),
+        _other_schema("peak"),
+        replace(_board_reset(), loss=RESTART),
     )
 
 

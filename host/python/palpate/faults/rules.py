@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.faults.cases import CUT, EXACT, MODULO, Case
+from palpate.faults.cases import CUT, EXACT, MODULO, RESTART, Case
 from palpate.record_layout import BOARD_MODES
 
 BOOT = BOARD_MODES.index("boot")
@@ -216,6 +216,8 @@ def _losses(case: Case, run: Run, broken: list[str]) -> dict[str, Any]:
         numbers[f"removed_{way}"], numbers[f"lost_{way}"] = removed, lost
         unseen = min(case.unseen, run.dropped[way]) + case.rare
         if case.loss == EXACT and not removed - unseen <= lost <= removed:
+            broken.append(f"frames_lost_{way} = {lost}: {removed} were removed")
+        if case.loss == RESTART and lost > removed:
             broken.append(f"frames_lost_{way} = {lost}: {removed} were removed")
         if case.loss == MODULO and not (0 < lost <= removed and (removed - lost) % CAN_TRANSFERS == 0):
             broken.append(f"frames_lost_{way} = {lost}: {removed} were removed, all must show but for multiples of {CAN_TRANSFERS}")

@@ -1,4 +1,4 @@
-"""The USB full-speed device controller and its packet memory (RM0440, 45), on the bus of the lock-step exchange (boards/lockstep/usb_bus.hpp).
+"""The USB full-speed device controller and its packet memory (RM0440, 45), on the bus of the lock-step exchange (boards/lockstep/usb_record.hpp).
 
 Endpoint registers are toggled and cleared by what is written, and buffers are described by a table in packet memory. A transaction takes its time
 on the bus; tokens that come meanwhile wait, as on a bus on which the host waits for the answer.
@@ -27,6 +27,7 @@ _CYCLES_PER_BIT, _OVERHEAD_BITS = 170 / 12, 150  # token, handshake, gaps, check
 # Records
 RESET, FRAME, SUSPEND, RESUME, UNPLUG, SETUP, OUT_DATA0, OUT_DATA1, IN = 1, 2, 3, 4, 5, 0x10, 0x11, 0x12, 0x13
 ATTACH, DETACH, WAKE, ACK, NAK, STALL, DATA0, DATA1, SILENCE, REFUSED = 0x81, 0x82, 0x83, 0x90, 0x91, 0x92, 0x93, 0x94, 0x95, 0x9F
+_FLAG = 0x40  # of an address: the far end begins again, or does not acknowledge
 _HEADER_BYTES, _TOKENS = 3, (SETUP, OUT_DATA0, OUT_DATA1, IN)
 
 
@@ -162,7 +163,6 @@ class UsbDevice(Peripheral):
 
     def _signal(self, kind: int) -> None:
         if kind == FRAME:
-            self._refusing.clear()
             self.value["FNR"] = (self.value["FNR"] & 0x7FF) + 1 & 0x7FF
             self._flag(_SOF)
         elif kind == RESET:
@@ -186,14 +186,17 @@ class UsbDevice(Peripheral):
         self._perform(kind, address, data)
         self._next()
 
-    def _perform(self, kind: int, address: int, data: bytes) -> None:
+    def _perform(self, kind: int, flagged: int, data: bytes) -> None:
+        address = flagged & ~_FLAG
         n = self._endpoint_of(address & 15)
         powered = not self.value["CNTR"] & (_FORCE_RESET | _POWER_DOWN) and self.value["DADDR"] & _ENABLED
         if n is None or not powered or not self.attached:
             self._answer(SILENCE, address)
         elif kind == IN:
-            self._give(n, address)
+            self._give(n, address, is_heard=address == flagged)
         else:
+            if address != flagged:
+                self._refusing.discard(address)
             self._take(n, kind, address, data)
 
     def _endpoint_of(self, number: int) -> int | None:
@@ -206,12 +209,14 @@ class UsbDevice(Peripheral):
     def _table(self, n: int) -> int:
         return (self.value["BTABLE"] & 0xFFF8) + 8 * n
 
-    def _give(self, n: int, address: int) -> None:
+    def _give(self, n: int, address: int, is_heard: bool) -> None:
         register = self.value[f"EP{n}R"]
         state = register >> 4 & 3
         if state == _VALID:
             at, count = self._memory.half(self._table(n)), self._memory.half(self._table(n) + 2) & 0x3FF
             self._answer(DATA1 if register & _DTOG_TX else DATA0, address, bytes(self._memory.data[at : at + count]))
+            if not is_heard:  # it stays valid, for the next token
+                return
             self.value[f"EP{n}R"] = (register & ~_STAT_TX | _NAK << 4 | _CTR_TX) ^ _DTOG_TX
             self._request()
         else:
