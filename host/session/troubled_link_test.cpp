@@ -111,5 +111,26 @@ TEST(TroubledLink, RefusesWhatIsOfAnotherMedium) {
   EXPECT_THROW(TroubledLink(down, up, config), std::invalid_argument);
 }
 
+// A USB bus has one host and repeats what an error has hit; and only its devices refuse packets.
+TEST(TroubledLink, RefusesWhatAUsbBusCannotDo) {
+  link::UsbHost usb;
+  const auto make = [&](const auto& change, link::UsbHost* host) {
+    ClosedLoopConfig config;
+    change(config);
+    TroubledLink(usb.down(), usb.up(), config, host);
+  };
+  const auto nothing = [](ClosedLoopConfig&) {};
+  const auto refused = [](ClosedLoopConfig& config) { config.troubles.refused = {{0, 1}}; };
+  EXPECT_NO_THROW(make(nothing, &usb));
+  EXPECT_NO_THROW(make(refused, &usb));
+  EXPECT_THROW(make(refused, nullptr), std::invalid_argument);
+  const auto refuses = [&](const auto& change) { EXPECT_THROW(make(change, &usb), std::invalid_argument); };
+  refuses([](ClosedLoopConfig& config) { config.troubles.second_host = {{0, 1}}; });
+  refuses([](ClosedLoopConfig& config) { config.troubles.flood = {{.span = {0, 1}}}; });
+  refuses([](ClosedLoopConfig& config) { config.troubles.babble = {{0, 1}}; });
+  refuses([](ClosedLoopConfig& config) { config.troubles.random_up = {{}}; });
+  refuses([](ClosedLoopConfig& config) { config.faults_down = {{}}; });
+}
+
 }  // namespace
 }  // namespace palpate::host

@@ -214,6 +214,7 @@ NOT_RUN = {
     "palpate record 1": "no command: the name of a format",
     "./run bench faults": _TOO_LONG,
     "./run bench faults --medium canfd": _TOO_LONG,
+    "./run bench faults --medium usb": _TOO_LONG,
     "./run bench faults --medium can": _TOO_LONG,
     "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
     "build/host/host/bench/model_builders": _TOO_LONG,

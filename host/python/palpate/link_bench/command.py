@@ -16,8 +16,8 @@ from palpate.paths import SCENES
 SCENE = SCENES / "links.toml"
 RESULTS, PICTURE = "links.json", "links_latency.png"
 _LIMIT_TICKS = 2000
-# Bases of each state: on these the highest rate is asked for; over USB, 30 Hz.
-_BASES_ON = ("can 1M", "canfd 1M/5M")
+# Bases of each state: on these the highest rate is asked for; over USB, 30 Hz as well.
+_BASES_ON = ("can 1M", "canfd 1M/5M", "usb full speed")
 # --quick: two media, a small body, a short run, rates up to 40 Hz.
 QUICK_MEDIA = ("canfd 1M/5M", "usb full speed")
 QUICK: dict[str, Any] = {"body.nodes": [6, 6, 6], "body.origin_m": [-0.025, -0.025, -0.07], "duration_s": 1.0}
