@@ -205,6 +205,20 @@ class Controls:
         if live.is_attached:
             psim.TextColored(_DULL, "only into an emulated board's link")
             return
+        if live.fault_kinds:
+            self._frame_faults(app)
+            psim.SameLine()
+        changed, unplugged = psim.Checkbox("cable out", app.unplugged)
+        if changed:
+            app.later(partial(app.set_unplugged, unplugged))
+        if live.is_on_can:
+            changed, babbling = psim.Checkbox("a node babbles", app.babbling)
+            if changed:
+                app.later(partial(app.set_babbling, babbling))
+        _button(app, "an overlong tick", live.board_name != "native", live.burn_next_tick)
+
+    def _frame_faults(self, app: "App") -> None:
+        live = app.live
         _, self._direction = psim.Combo("frames", self._direction, ["to the board", "to the host"])
         self._fault_kind = min(self._fault_kind, len(live.fault_kinds) - 1)  # CAN has fewer
         names = [_NAMES_ON_CAN.get(kind, kind) if live.is_on_can else kind for kind in live.fault_kinds]
@@ -215,15 +229,6 @@ class Controls:
         _button(app, "inject", True, lambda: live.add_faults(direction, kind, self._fault_count))
         if live.is_on_can:
             psim.SetItemTooltip("frames of the bus; errors at 32 attempts in a row take the sender off the bus")
-        psim.SameLine()
-        changed, unplugged = psim.Checkbox("cable out", app.unplugged)
-        if changed:
-            app.later(partial(app.set_unplugged, unplugged))
-        if live.is_on_can:
-            changed, babbling = psim.Checkbox("a node babbles", app.babbling)
-            if changed:
-                app.later(partial(app.set_babbling, babbling))
-        _button(app, "an overlong tick", live.board_name != "native", live.burn_next_tick)
 
     def _medium(self, live: "Live") -> None:
         """The link, and how busy it has been."""
