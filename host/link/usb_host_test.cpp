@@ -97,7 +97,6 @@ TEST(UsbHost, TransfersEndWithAShortPacket) {
 
 // What has not ended is not the program's yet.
 TEST(UsbHost, AFullPacketWithoutAnEmptyOneIsNoTransfer) {
-  UsbHost host;
   UsbInPipe pipe;
   const UsbAnswer full{.kind = UsbRecord::data0, .address = 0x81, .data = counting(64)};
   EXPECT_FALSE(pipe.take(full).ends_transfer);
