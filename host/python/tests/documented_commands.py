@@ -217,6 +217,7 @@ NOT_RUN = {
     "./run bench faults --medium usb": _TOO_LONG,
     "./run bench faults --medium can": _TOO_LONG,
     "./run bench faults --board mps2_an386 --quick": _TOO_LONG,
+    "./run bench faults --medium usb --board mps2_an386 --quick": _TOO_LONG,
     "build/host/host/bench/model_builders": _TOO_LONG,
     "build/host/host/bench/paper_contact > paper_contact.json": _TOO_LONG,
     "build/host/host/bench/edge_jumps > edge_jumps.json": _TOO_LONG,
