@@ -34,6 +34,13 @@ bool is_on_triangle(const Vec3f& barycentric) {
          std::fabs(sum - 1.0f) <= kRounding;
 }
 
+// No contact, and no force: not that of a number that is none.
+bool says_no_force(const palpate_Contact_1_0& contact) {
+  const float* force_N = contact.force_N;
+  return contact.mode == static_cast<std::uint8_t>(ContactMode::free) && force_N[0] == 0.0f &&
+         force_N[1] == 0.0f && force_N[2] == 0.0f;
+}
+
 }  // namespace
 
 void Renderer::step(Slot& slot, const Vec3f& tip_m) {
@@ -115,9 +122,12 @@ Status Renderer::decode(std::span<const std::uint8_t> payload) {
   // The decoder takes what is cut off for zeros.
   if (payload.size() < wire::payload_bytes(message_)) return Status::payload_malformed;
   if (message_.kind > static_cast<std::uint8_t>(ModelKind::modes_from_now) ||
-      message_.tip_source > static_cast<std::uint8_t>(TipSource::estimated) || message_.valid_ticks == 0)
+      message_.tip_source > static_cast<std::uint8_t>(TipSource::estimated))
     return Status::model_inconsistent;
   const bool held = static_cast<ModelKind>(message_.kind) == ModelKind::held_force;
+  // Only what has no force may be without a horizon.
+  if (message_.valid_ticks == 0 && !(held && says_no_force(message_.contact)))
+    return Status::model_inconsistent;
   return held == (message_.basis_id == 0) ? Status::ok : Status::model_inconsistent;
 }
 

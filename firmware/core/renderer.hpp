@@ -118,7 +118,8 @@ class Renderer {
   [[nodiscard]] std::uint32_t catch_up_ticks() const;  // that the shadow lags behind; 0: none is catching up
   // Does the active model want the tip between encoder counts (palpate.ModelState TIP_ESTIMATED)?
   [[nodiscard]] bool estimates_tip() const;
-  [[nodiscard]] std::uint32_t model_valid_ticks() const;  // the active model's horizon; 0: none
+  // The active model's horizon; 0: it has none, for it says that nothing is near, or there is no model.
+  [[nodiscard]] std::uint32_t model_valid_ticks() const;
   // Interrupt context. Sum of the correction energies of all models that were taken over since the reset:
   // what a passivity controller would have to take back. Nothing uses it yet.
   [[nodiscard]] float correction_energy_J() const { return correction_energy_J_; }

@@ -179,6 +179,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadMessage{"held_force_with_modes", Status::model_inconsistent,
                    [](auto& m) { m.kind = palpate_ModelState_1_0_KIND_HELD_FORCE; }},
         BadMessage{"no_horizon", Status::model_inconsistent, [](auto& m) { m.valid_ticks = 0; }},
+        BadMessage{"nothing_with_modes", Status::model_inconsistent,
+                   [](auto& m) {
+                     m.kind = palpate_ModelState_1_0_KIND_HELD_FORCE;
+                     m.valid_ticks = 0;
+                   }},
         BadMessage{"too_old", Status::model_too_old, [](auto& m) { m.tick -= kTipHistory; }},
         BadMessage{"from_the_future", Status::model_from_future, [](auto& m) { m.tick += 500; }}),
     [](const auto& tested) { return tested.param.name; });

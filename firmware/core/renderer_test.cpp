@@ -255,6 +255,47 @@ TEST(Renderer, AHeldForceIsANumber) {
   EXPECT_EQ(runner.reports.back().status, Status::model_from_future);
 }
 
+wire::ModelContents nothing(std::uint32_t sequence, std::uint32_t tick) {
+  wire::ModelContents message = held_force(sequence, tick, 0.0f);
+  message.valid_ticks = 0;
+  message.contact = {};
+  return message;
+}
+
+TEST(Renderer, NothingTakesAModelsPlaceWithoutAForce) {
+  Runner runner;
+  runner.ticks(100);
+  ASSERT_EQ(runner.accept(held_force(1, 99, -1.5f)), Status::ok);
+  while (runner.renderer->model_sequence() != 1) (void)runner.tick();
+  ASSERT_EQ(runner.accept(nothing(2, runner.now - 1)), Status::ok);
+  while (runner.renderer->model_sequence() != 2) (void)runner.tick();
+  const ServoSample sample = runner.tick();
+  EXPECT_EQ(sample.force_N, Vec3f{});
+  EXPECT_EQ(sample.mode, ContactMode::free);
+  EXPECT_EQ(runner.renderer->model_valid_ticks(), 0u);
+  EXPECT_EQ(runner.reports.back().status, Status::ok);
+  EXPECT_EQ(runner.reports.back().correction_energy_J, 0.0f);
+}
+
+// What has no horizon has no force either, whatever its sender makes of it.
+TEST(Renderer, NothingHasNoForceAndNoContact) {
+  Runner runner;
+  runner.ticks(100);
+  const auto refused = [&](auto&& change) {
+    wire::ModelContents message = nothing(1, 99);
+    change(message.contact);
+    return runner.accept(message);
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const float force_N : {1e-30f, -8.0f, std::numeric_limits<float>::quiet_NaN()}) {
+      EXPECT_EQ(refused([&](auto& contact) { contact.force_N[axis] = force_N; }), Status::model_inconsistent);
+    }
+  }
+  EXPECT_EQ(refused([](auto& contact) { contact.mode = palpate_Contact_1_0_MODE_STICK; }),
+            Status::model_inconsistent);
+  EXPECT_EQ(refused([](auto&) {}), Status::ok);
+}
+
 // A model that is not rolled forward takes the state of its own tick for the present one.
 TEST(Renderer, AModelFromNowBeginsWhenItIsTakenOver) {
   Runner runner;

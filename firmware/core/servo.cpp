@@ -1,5 +1,6 @@
 #include "firmware/core/servo.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -65,14 +66,16 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
     in.tip_speed_m_s = norm(in.tip_step_m) / (elapsed * kTick_s);
   }
   in.link_age_ticks = link_age_ticks_;
-  // Only a silent link asks for it.
-  if (have_tip_ && pose_known && link_age_ticks_ > limits_.link_silent_ticks)
-    in.tip_velocity_m_s = device::estimated_velocity(device_, pose, estimators_);
   in.inside_workspace = pose.faults == 0;
   in.force_N = sample.force_N;
   in.model_sequence = renderer_.model_sequence();
   in.model_age_ticks = renderer_.model_age_ticks();
   in.model_valid_ticks = renderer_.model_valid_ticks();
+  // Only what may be damped asks for it.
+  const std::uint32_t horizon = std::min(in.model_valid_ticks, limits_.model_horizon_ticks);
+  if (have_tip_ && pose_known &&
+      (link_age_ticks_ > limits_.link_silent_ticks || in.model_age_ticks > horizon))
+    in.tip_velocity_m_s = device::estimated_velocity(device_, pose, estimators_);
   in.direct_force_N = direct_force_N_;
   in.direct_age_ticks = direct_age_ticks_;
   return in;

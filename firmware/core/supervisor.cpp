@@ -95,6 +95,11 @@ void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limi
   state.energy_J = level_J > 0.0f ? level_J : 0.0f;
 }
 
+// The model in use is that of a tip that is far from the body: it has no force, and does not grow old.
+bool says_nothing_is_near(const SupervisorInputs& in) {
+  return in.model_sequence != 0 && in.model_valid_ticks == 0;
+}
+
 // The force that the mode asks for, and its limits.
 struct Wanted {
   bool present = false;
@@ -119,13 +124,15 @@ Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, co
   }
   const std::uint32_t horizon =
       in.model_valid_ticks < limits.model_horizon_ticks ? in.model_valid_ticks : limits.model_horizon_ticks;
+  // That nothing is near is fresh of a host that has just said it: after a silence it has to say it again.
+  const bool nothing = says_nothing_is_near(in);
   return {.present = in.model_sequence != 0,
           .force_N = in.force_N,
           .peak_N = limits.peak_force_N,
           .step_N = limits.force_step_N,
           .age_ticks = in.model_age_ticks,
-          .hold_ticks = horizon,
-          .fade_ticks = limits.model_fade_ticks};
+          .hold_ticks = nothing ? limits.link_silent_ticks : horizon,
+          .fade_ticks = nothing ? 0 : limits.model_fade_ticks};
 }
 
 bool is_fresh(const Wanted& wanted) {
@@ -158,6 +165,13 @@ bool is_silent(const SupervisorInputs& in, const Limits& limits) {
   return in.link_age_ticks > limits.link_silent_ticks;
 }
 
+// Of Mode::render: the tip is damped, for its model has faded. Without a model, or with one that says that
+// nothing is near, only while the host is silent: one that is heard owes none.
+bool is_cut_off(const SupervisorInputs& in, const Limits& limits, const Wanted& wanted) {
+  const bool owes_a_model = wanted.present && !says_nothing_is_near(in);
+  return has_faded(wanted) && (owes_a_model || is_silent(in, limits));
+}
+
 // Against the tip's motion: the hand feels the opposite.
 Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
   Vec3f force_N = limits.damping_N_s_m * in.tip_velocity_m_s;
@@ -169,7 +183,7 @@ Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
 Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
                     const Wanted& wanted) {
   Vec3f force_N{};
-  if (state.damping_ticks > 0 && is_silent(in, limits)) {
+  if (state.damping_ticks > 0 && is_cut_off(in, limits, wanted)) {
     force_N = damping_force(in, limits);
   } else if (wanted.present) {
     force_N = wanted.force_N;
@@ -238,35 +252,28 @@ bool is_lost(const SupervisorState& state, const SupervisorInputs& in, const Lim
   return in.link_age_ticks > limits.link_lost_ticks || state.mode_age_ticks > limits.link_lost_ticks;
 }
 
-// What a silent link does to rendering: damped, off, and on again when the host that armed is heard and has
-// sent a model. `rendering` as for arming: outputs do not come on while one of these lasts. Only a fresh
-// model ends the count of damping: signs of life alone do not keep outputs on for ever.
-void follow_link(SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
-                 FaultSet rendering) {
+// What a stale model or a silent link does to rendering: damped, off, and on again when the host that armed
+// is heard and has sent a model. `rendering` as for arming: outputs do not come on while one of these lasts.
+// Only a fresh model ends the count of damping, or a host that is heard and owes none: signs of life alone do
+// not keep outputs on for ever. The force comes back with a model that has one.
+void follow_models(SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
+                   FaultSet rendering) {
   const Wanted wanted = wanted_force(state, in, limits);
-  const bool silent = is_silent(in, limits);
+  const bool nothing_is_near = says_nothing_is_near(in);
   if (state.mode == Mode::render) {
-    if (silent && has_faded(wanted)) {
+    if (is_cut_off(in, limits, wanted)) {
       state.force_was_lost = true;
       state.soft_start_ticks = 0;
       state.damping_ticks = saturating_add(state.damping_ticks, in.elapsed_ticks);
       if (state.damping_ticks > limits.damping_ticks) enter(state, Mode::suspended);
       return;
     }
-    if (!is_fresh(wanted)) {
-      // What has been withheld whole comes back by the soft start. Where the tip touches nothing, nothing
-      // was: the host may send no models there, and the next contact loses no force.
-      if (wanted.present && has_faded(wanted) && !(wanted.force_N == Vec3f{})) {
-        state.force_was_lost = true;
-        state.soft_start_ticks = 0;
-      }
-      return;
-    }
-    state.damping_ticks = 0;
-    state.force_was_lost = false;
-  } else if (state.mode == Mode::suspended && !silent && is_fresh(wanted) && rendering == 0 &&
+    if (is_fresh(wanted) || nothing_is_near) state.damping_ticks = 0;
+    if (is_fresh(wanted) && !nothing_is_near) state.force_was_lost = false;
+  } else if (state.mode == Mode::suspended && !is_silent(in, limits) && is_fresh(wanted) && rendering == 0 &&
              !is_lost(state, in, limits)) {
     enter(state, Mode::render);
+    state.force_was_lost = nothing_is_near;
   }
 }
 
@@ -308,7 +315,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
       in.direct_age_ticks > limits.direct_lost_ticks)
     enter(state, Mode::idle);
 
-  follow_link(state, in, limits, rendering);
+  follow_models(state, in, limits, rendering);
 
   decision.outcome.action = in.command.action;
   decision.outcome.status =

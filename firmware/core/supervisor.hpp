@@ -22,7 +22,7 @@ enum class Mode : std::uint8_t {
   render = 3,     // outputs on
   fault = 4,      // outputs off, latched until CLEAR_FAULT
   direct = 5,     // outputs on, with the force of palpate.DirectForce in place of a model's
-  suspended = 6,  // outputs off while the link is lost; goes on by itself when it returns in time
+  suspended = 6,  // outputs off: link or models are lost; goes on by itself when they return in time
 };
 inline constexpr std::size_t kModes = 7;
 
@@ -99,7 +99,7 @@ struct Limits {
 
   // The host that armed says something every 100 ticks at least (docs/protocol.md): two may be lost.
   std::uint32_t link_silent_ticks = 300;
-  // Of a silent link whose model has faded the tip is only damped: half of what a tip of 0.03 kg takes before
+  // Once its model has faded the tip is only damped: half of what a tip of 0.03 kg takes before
   // it swings (docs/safety.md has the derivation), and no more than a hand notices as a drag.
   float damping_N_s_m = 2.0f;
   float damping_force_N = 1.0f;
@@ -199,7 +199,7 @@ struct SupervisorInputs {
   Vec3f force_N{};                   // of the tip on the body as the model asks for it
   std::uint32_t model_sequence = 0;  // 0: no model
   std::uint32_t model_age_ticks = 0;
-  std::uint32_t model_valid_ticks = 0;  // its own horizon
+  std::uint32_t model_valid_ticks = 0;  // its own horizon; 0: it says that nothing is near the tip
   // palpate.DirectForce, as a force of the tip on the body: the hand feels the opposite.
   Vec3f direct_force_N{};
   std::uint32_t direct_age_ticks = UINT32_MAX;  // of the newest; UINT32_MAX: none has come

@@ -69,6 +69,10 @@ class AllStates : public ::testing::Test {
     add([](auto& in) { in.link_age_ticks = 3; });
     add([](auto& in) { in.link_age_ticks = 3, in.model_age_ticks = 20; });
     add([](auto& in) { in.link_age_ticks = 7, in.model_age_ticks = 20, in.tip_velocity_m_s.x = 0.3f; });
+    add([](auto& in) { in.force_N = {}, in.model_valid_ticks = 0; });  // nothing is near
+    add([](auto& in) { in.force_N = {}, in.model_valid_ticks = 0, in.model_age_ticks = 20; });
+    add([](auto& in) { in.model_valid_ticks = 0, in.model_age_ticks = 20, in.link_age_ticks = 3; });
+    add([](auto& in) { in.model_age_ticks = 20, in.tip_velocity_m_s.x = 0.3f; });
     add([](auto& in) { in.tip_step_m.z = -1.0f; });
     add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
     add([](auto& in) { in.direct_age_ticks = 9, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
@@ -148,8 +152,19 @@ TEST_F(AllStates, KeepTheRules) {
           ASSERT_NE(action, Action::disarm);
           ASSERT_LE(in.link_age_ticks, limits.link_silent_ticks);
           ASSERT_LE(state.mode_age_ticks + in.elapsed_ticks, limits.link_lost_ticks);
-          ASSERT_TRUE(in.model_sequence != 0 && in.model_age_ticks <= in.model_valid_ticks);
+          const std::uint32_t horizon =
+              in.model_valid_ticks != 0 ? in.model_valid_ticks : limits.link_silent_ticks;
+          ASSERT_TRUE(in.model_sequence != 0 && in.model_age_ticks <= horizon);
           ASSERT_EQ(next.force_N, Vec3f{});
+        }
+        // A model that has faded is never rendered: nothing but the damper, and not for ever.
+        const bool has_faded = in.model_sequence != 0 && in.model_valid_ticks != 0 &&
+                               in.model_age_ticks >= in.model_valid_ticks + limits.model_fade_ticks;
+        if (next.mode == Mode::render && state.mode == Mode::render && has_faded) {
+          ASSERT_NEAR(norm(next.force_N - limits.damping_N_s_m * in.tip_velocity_m_s), 0.0f,
+                      kForceRounding_N);
+          ASSERT_GT(next.damping_ticks, state.damping_ticks);
+          ASSERT_LE(next.damping_ticks, limits.damping_ticks);
         }
         if (next.mode == Mode::suspended) {
           ASSERT_TRUE(state.mode == Mode::suspended || state.mode == Mode::render);

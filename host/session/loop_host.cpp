@@ -280,7 +280,7 @@ void LoopHost::send_state(const ModelUpdate& update, std::uint32_t tick,
   const float* force = update.message.contact.force_N;
   const double force_N = norm(
       Vec3d{static_cast<double>(force[0]), static_cast<double>(force[1]), static_cast<double>(force[2])});
-  if (!has_peak_ || force_N > peak_N_) {
+  if (!update.says_nothing() && (!has_peak_ || force_N > peak_N_)) {
     has_peak_ = true;
     peak_N_ = force_N;
     result_.state_at_peak = update.state;

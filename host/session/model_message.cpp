@@ -96,6 +96,11 @@ void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
   pack_stamp(stamp, ModelKind::held_force, law, contact, message);
 }
 
+void pack_nothing(const ModelStamp& stamp, const ContactLaw<double>& law, wire::ModelContents& message) {
+  pack_held_force(stamp, law, {}, message);
+  message.valid_ticks = 0;
+}
+
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,
                 SurfaceKind surface, const SurfaceFriction& friction, const ContactState<double>& contact,
                 wire::ModelContents& message) {

@@ -35,4 +35,7 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
 void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
                      const ContactState<double>& contact, wire::ModelContents& message);
 
+// The same for a tip that nothing is near: no force, and no horizon, whatever the stamp says.
+void pack_nothing(const ModelStamp& stamp, const ContactLaw<double>& law, wire::ModelContents& message);
+
 }  // namespace palpate::host

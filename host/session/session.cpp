@@ -7,6 +7,7 @@
 #include <tuple>
 #include <utility>
 
+#include "firmware/core/supervisor.hpp"
 #include "host/linearize/growth_limit.hpp"
 #include "host/msd/vectors.hpp"
 #include "host/session/model_message.hpp"
@@ -116,6 +117,11 @@ double Session::lead_ticks() const {
 }
 
 void Session::note_taken(std::uint32_t model_tick, std::uint32_t swap_tick) {
+  if (nothing_tick_ && static_cast<std::int32_t>(model_tick - *nothing_tick_) >= 0) {
+    modelled_tick_.reset();
+    nothing_tick_.reset();
+    return;
+  }
   const std::uint32_t late_ticks = swap_tick - model_tick;
   if (late_ticks > kLatest_ticks) return;
   late_ticks_ += kNewestsShare * (static_cast<double>(late_ticks) - late_ticks_);
@@ -157,6 +163,8 @@ std::optional<ModelUpdate> Session::update() {
   if (!started_) {
     started_ = true;
     tick_ = path_.first_tick();
+    modelled_tick_ = tick_;
+    nothing_tick_.reset();
   }
   const std::uint32_t before = tick_;
   advance_body();
@@ -165,9 +173,28 @@ std::optional<ModelUpdate> Session::update() {
   const auto point = focus(tick_);
   foresee(tick_, point);
   std::optional<ModelUpdate> sent;
+  const std::size_t waits = basis_waits_;
   if (point) sent = feedback_->kind() == ModelKind::held_force ? send_force() : send_model(*point);
-  if (!sent) feedback_->sent_none();
-  return sent;
+  if (sent) {
+    modelled_tick_ = tick_;
+    nothing_tick_.reset();
+    return sent;
+  }
+  feedback_->sent_none();
+  // A model whose basis is still being made will come.
+  if (basis_waits_ == waits && nothing_is_due()) return send_nothing();
+  return std::nullopt;
+}
+
+bool Session::nothing_is_due() const {
+  if (!modelled_tick_) return false;
+  // A tip that is soon back finds the model that it left, and that one never grows old. A tip that presses
+  // where the body is fixed has a force, which is left to fade.
+  const firmware::Limits& board = firmware::kDefaultLimits;
+  const std::uint32_t horizon_ticks = std::min<std::uint32_t>(config_.valid_ticks, board.model_horizon_ticks);
+  const std::uint32_t wait_ticks =
+      contact_.mode == ContactMode::free ? horizon_ticks / 2 : horizon_ticks + board.model_fade_ticks;
+  return tick_ - *modelled_tick_ >= wait_ticks;
 }
 
 ModelUpdate Session::begin_update() {
@@ -266,6 +293,14 @@ ModelUpdate Session::send_force() {
   ModelUpdate update = begin_update();
   pack_held_force({sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, contact_,
                   update.message);
+  update.packed = wire::pack(update.message);
+  return update;
+}
+
+ModelUpdate Session::send_nothing() {
+  if (!nothing_tick_) nothing_tick_ = tick_;
+  ModelUpdate update = begin_update();
+  pack_nothing({.sequence = sequence_, .tick = tick_, .tip = config_.tip}, config_.law, update.message);
   update.packed = wire::pack(update.message);
   return update;
 }

@@ -57,6 +57,9 @@ struct ModelUpdate {
   std::uint32_t interpolated_ticks = 0;
   double damping_coupling = 0;  // what the modal form neglects (host/linearize/modal_reduction.hpp)
   int limited_modes = 0;        // that would grow too fast (host/linearize/growth_limit.hpp)
+
+  // No model: nothing that could give a force is near the tip (palpate.ModelState).
+  [[nodiscard]] bool says_nothing() const { return packed.state.valid_ticks == 0; }
 };
 
 class Session {
@@ -82,8 +85,10 @@ class Session {
   void note_taken(std::uint32_t model_tick, std::uint32_t swap_tick);
   // Between updates, as often as one likes: has the builder prepare for where the tip is and will be.
   void prepare();
-  // Advances the body through the ticks that are known and, near the surface, builds a model. Empty: no news,
-  // or the tip is far away. Throws what the builders and the feedback throw.
+  // Advances the body through the ticks that are known and, near the surface, builds a model. Where there is
+  // none to be had, the board is told so before its newest one grows old: an update that says_nothing(),
+  // again until note_taken() has heard of it. Empty: no news, or none of these. Throws what the builders and
+  // the feedback throw.
   std::optional<ModelUpdate> update();
 
   [[nodiscard]] const BodyState& state() const { return surface_.state(); }
@@ -115,6 +120,9 @@ class Session {
   [[nodiscard]] ModelUpdate begin_update();
   std::optional<ModelUpdate> send_model(const SurfacePoint& focus);
   ModelUpdate send_force();
+  // Where update() has no model, and the board may have an old one.
+  [[nodiscard]] bool nothing_is_due() const;
+  ModelUpdate send_nothing();
   struct Model {
     LocalModel model;
     wire::ModelContents contents;
@@ -139,6 +147,10 @@ class Session {
   bool started_ = false;
   std::uint32_t tick_ = 0;
   std::uint32_t sequence_ = 0;
+  // Of the newest model that the board may have, of a host before this one at the beginning; empty: it has
+  // been told that nothing is near.
+  std::optional<std::uint32_t> modelled_tick_;
+  std::optional<std::uint32_t> nothing_tick_;  // of the first update since then that says so
   TipForecast forecast_;
   std::uint32_t foreseen_tick_ = 0;
   std::size_t basis_waits_ = 0;

@@ -188,6 +188,77 @@ TEST_F(SessionTest, TheBodyMovesOnButNoModelIsBuiltFarAway) {
   EXPECT_EQ(near->message.contact.mode, 0u);
 }
 
+// Half of a model's horizon after the newest one, at each update until the board has taken it, and not again.
+TEST_F(SessionTest, SaysThatNothingIsNearUntilTheBoardHasHeard) {
+  path_ = Path({0.0145, 0.0165, 5e-4});
+  path_.hold(50).to({0.0145, 0.0165, 0.05}, 50).hold(300).to({0.0145, 0.0165, 5e-4}, 50).hold(50);
+  path_.to({0.0145, 0.0165, 0.05}, 50).hold(250);
+  std::uint32_t told = 0;
+  Session session(body_, body_.rest_state(), config_);
+  std::vector<ModelUpdate> updates;
+  std::uint32_t sequence = 0;
+  for (std::uint32_t tick = 0; tick <= path_.ticks(); ++tick) {
+    if (tick % kSamplesPerTrace == kSamplesPerTrace - 1)
+      session.take(trace(path_, tick + 1 - kSamplesPerTrace));
+    if (!session.due(tick)) continue;
+    auto update = session.update();
+    if (!update) continue;
+    EXPECT_EQ(update->message.sequence, ++sequence);
+    // Two are lost on the way.
+    if (update->says_nothing() && ++told > 2) session.note_taken(update->message.tick, tick + 3);
+    updates.push_back(std::move(*update));
+  }
+  std::vector<std::uint32_t> nothing, between;
+  std::uint32_t newest = 0;
+  for (const ModelUpdate& update : updates) {
+    if (!update.says_nothing()) {
+      newest = update.message.tick;
+      EXPECT_EQ(update.message.valid_ticks, config_.valid_ticks);
+      continue;
+    }
+    nothing.push_back(update.message.tick);
+    between.push_back(update.message.tick - newest);
+    EXPECT_EQ(update.message.kind, palpate_ModelState_1_0_KIND_HELD_FORCE);
+    EXPECT_EQ(update.message.valid_ticks, 0u);
+    EXPECT_EQ(update.message.contact.mode, palpate_Contact_1_0_MODE_FREE);
+    for (const float force_N : update.message.contact.force_N) EXPECT_EQ(force_N, 0.0f);
+    EXPECT_EQ(update.packed.basis, nullptr);
+    EXPECT_TRUE(update.patch_nodes.empty());
+  }
+  // Three times for the first excursion, once for the second, and models in between.
+  constexpr std::uint32_t kPeriod_ticks = 34;
+  ASSERT_EQ(nothing.size(), 4u);
+  EXPECT_LE(nothing[2] - nothing[0], 2 * kPeriod_ticks);
+  for (const std::size_t first : {0u, 3u}) {
+    EXPECT_GE(between[first], config_.valid_ticks / 2u);
+    EXPECT_LE(between[first], config_.valid_ticks / 2u + kPeriod_ticks);
+  }
+  EXPECT_GT(nothing[3], nothing[2] + 200);
+}
+
+// A host that comes anew does not know what one before it has left on the board.
+TEST_F(SessionTest, SaysSoToABoardThatItHasSentNoModel) {
+  path_ = Path({0.0145, 0.0165, 0.05});
+  path_.hold(300);
+  Session session(body_, body_.rest_state(), config_);
+  std::vector<ModelUpdate> updates = run(session);
+  ASSERT_FALSE(updates.empty());
+  for (const ModelUpdate& update : updates) EXPECT_TRUE(update.says_nothing());
+  EXPECT_GE(updates.front().message.tick, config_.valid_ticks / 2u);
+  session.note_taken(updates.back().message.tick, updates.back().message.tick + 3);
+  EXPECT_FALSE(session.update());
+  // Nor what is on a board whose ticks go on elsewhere.
+  constexpr std::uint32_t kElsewhere = 100'000;
+  for (std::uint32_t first = 0; first <= path_.ticks(); first += kSamplesPerTrace) {
+    palpate_ServoTrace_1_0 message = trace(path_, first);
+    message.first_tick += kElsewhere;
+    session.take(message);
+  }
+  const auto again = session.update();
+  ASSERT_TRUE(again);
+  EXPECT_TRUE(again->says_nothing());
+}
+
 TEST_F(SessionTest, RefusesAStepThatDoesNotDivideTheTick) {
   config_.step_s = 1.5e-4;
   EXPECT_NE(test::message_of<std::invalid_argument>([&] { Session(body_, body_.rest_state(), config_); }),

@@ -45,7 +45,8 @@ class HostSession {
       const nb::gil_scoped_release no_gil;
       made = session_->update();
     }
-    if (!made) return nb::none();
+    // Who has no board has nobody to tell that nothing is near.
+    if (!made || made->says_nothing()) return nb::none();
     nb::dict result;
     result["tick"] = session_->tick();
     result["sequence"] = made->packed.state.sequence;

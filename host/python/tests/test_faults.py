@@ -108,7 +108,7 @@ def test_a_contact_that_is_found_anew_has_a_history_of_its_own():
 
 
 SILENT = case(silent=True, first_s=1.0, end_s=2.9)
-REFUSED = case(refused=True, first_s=1.0, end_s=2.0)
+REFUSED = case(refused=True, first_s=1.0, end_s=2.9)
 
 
 def fade(run: Run, end: int) -> None:
@@ -120,7 +120,7 @@ def fade(run: Run, end: int) -> None:
 
 
 def silence(run: Run) -> None:
-    """As documented: faded, damped, switched off until the host is heard again."""
+    """As documented: faded, damped, switched off until a model comes again."""
     fade(run, 2900)
     for name in ("ticks/enabled", "ticks/setpoint_A"):
         run.values[name][2400:2900] = 0
@@ -128,10 +128,10 @@ def silence(run: Run) -> None:
 
 
 def refusal(run: Run, missed: int = 0) -> None:
-    """As documented: every model refused, and the last one that was taken faded."""
-    fade(run, 2000)
+    """As documented: every model refused, which is the same to the force and the outputs."""
+    silence(run)
     sent = run.values["updates/sent_tick"]
-    run.values["updates/status"][(sent >= 1000 + missed) & (sent < 2000)] = rules.SCHEMA_MISMATCH
+    run.values["updates/status"][(sent >= 1000 + missed) & (sent < 2900)] = rules.SCHEMA_MISMATCH
 
 
 def swell(run: Run, first: int, end: int, most_N: float) -> None:
@@ -170,33 +170,42 @@ def test_under_silence_force_and_outputs_must_stay_gone():
     assert "outputs off after None ticks" in broken(made_run(change=lambda run: on_again(run, 2900)), SILENT)
 
 
-def test_of_refused_models_the_force_must_stay_gone():
+def test_of_refused_models_force_and_outputs_must_stay_gone():
     def force_back(run: Run) -> None:
         refusal(run)
         swell(run, 1500, 1900, 1.9)
 
-    assert broken(made_run(change=force_back), REFUSED) == "force gone after 899 ticks: must be at most 400"
+    # The last tick with more than the damper's newton.
+    assert broken(made_run(change=force_back), REFUSED) == "force gone after 849 ticks: must be at most 400"
+
+    def on_again(run: Run) -> None:
+        refusal(run)
+        run.values["ticks/enabled"][2500:2600] = 1
+
+    assert broken(made_run(change=on_again), REFUSED) == "outputs off after 1600 ticks: must be at most 1500"
 
 
-def test_a_host_that_is_heard_is_not_damped():
-    """Where nothing is felt without the fault, the damper's newton is allowed to a silent link alone, and no slack on top of it."""
+def test_a_tip_whose_model_is_young_is_not_damped():
+    """Where nothing is felt without the fault, the damper's newton is allowed to a faded model alone, and no slack on top of it."""
     good = made_run()
     good.values["ticks/force_N"][:] = 0.0
     good.values["reference/force_N"][:] = 0.0
 
-    def run_of(most_N: float) -> Run:
+    def run_of(most_N: float, faded: bool = True) -> Run:
         run = made_run(change=silence)
+        if not faded:
+            run.values["ticks/model_age_ticks"][:] = VALID_TICKS + rules.FADE_TICKS - 1
         run.values["ticks/force_N"][:] = 0.0
         run.values["reference/force_N"][:] = 0.0
         swell(run, 1600, 2300, most_N)
         return run
 
-    def said(one: cases.Case, most_N: float) -> str:
-        return "; ".join(judge(one, good, run_of(most_N), VALID_TICKS).broken)
+    def said(most_N: float, faded: bool = True) -> str:
+        return "; ".join(judge(replace(SILENT, silent=False), good, run_of(most_N, faded), VALID_TICKS).broken)
 
-    assert said(SILENT, 0.99) == ""
-    assert "force 0.2 N above that of the body" in said(SILENT, 1.2)
-    assert said(replace(SILENT, silent=False), 0.99) == "force 0.49 N above that of the body, and of the run without the fault in the same tick"
+    assert said(0.99) == ""
+    assert "force 0.2 N above that of the body" in said(1.2)
+    assert "force 0.49 N above that of the body, and of the run without the fault in the same tick" in said(0.99, faded=False)
 
 
 @pytest.mark.parametrize(
@@ -290,9 +299,9 @@ def test_a_board_that_starts_again_is_off_in_its_first_tick_and_found_by_the_hos
 
 def test_models_that_the_board_must_refuse_are_refused_and_fade():
     result = judge(REFUSED, made_run(), made_run(change=refusal), VALID_TICKS)
-    assert result.broken == () and result.numbers["refused_models"] == 33 and result.numbers["outputs_off_ticks"] is None
-    assert "32 of 33 models of another schema were refused" in broken(made_run(change=lambda run: refusal(run, 20)), REFUSED)
-    assert "0 of 33 models" in broken(made_run(), REFUSED)
+    assert result.broken == () and result.numbers["refused_models"] == 63 and result.numbers["outputs_off_ticks"] == 1400
+    assert "62 of 63 models of another schema were refused" in broken(made_run(change=lambda run: refusal(run, 20)), REFUSED)
+    assert "0 of 63 models" in broken(made_run(), REFUSED)
 
 
 def test_the_picture_gives_each_case_its_own_limit():

@@ -55,8 +55,11 @@ def smallest_margins(results: Sequence[Result], valid_ticks: int) -> list[Margin
         of("outputs_off_ticks", lambda result: result.case.kind == CUT and result.case.first_s == result.case.end_s))  # fmt: skip
     add(3, "force above that of the body, or of the same tick without the fault, and 0.5 N", "N", 0.0, number("excess_N"))
     gone = valid_ticks + FADE_TICKS
-    add(4, "from the last model to no force of it", "ms", gone,
-        of("force_gone_ticks", lambda result: result.case.silent or result.case.refused))  # fmt: skip
-    add(4, "from silence to outputs off", "ms", gone + DAMPING_TICKS + SIGN_TICKS,
-        of("outputs_off_ticks", lambda result: result.case.silent))  # fmt: skip
+
+    def without_models(result: Result) -> bool:
+        return result.case.silent or result.case.refused
+
+    add(4, "from the last model to no force of it", "ms", gone, of("force_gone_ticks", without_models))
+    add(4, "from silence, or the last model that counts, to outputs off", "ms", gone + DAMPING_TICKS + SIGN_TICKS,
+        of("outputs_off_ticks", without_models))  # fmt: skip
     return margins

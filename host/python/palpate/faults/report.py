@@ -15,7 +15,7 @@ _RULES = (
     "board cut instead.",
     "A fault does not raise the force beyond what is felt without it in the same tick or anywhere no deeper, and what an old local "
     "model is wrong by: 0.5 N, or 30 % of the force.",
-    "Time. When the host is silent, or none of its models is taken, their force fades in time, and outputs of a silent host go off.",
+    "Time. When the host is silent, or none of its models is taken, their force fades and outputs go off, both in time.",
     "Recovery. The run ends in the mode that is documented, by itself where it may.",
     "Counted. Every frame that was removed, every model that was refused and every restart shows.",
 )

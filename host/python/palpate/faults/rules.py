@@ -115,9 +115,9 @@ def _rises(case: Case, good: Run, run: Run, valid_ticks: int) -> dict[str, float
     tick = run.values["ticks/tick"]
     same_N = _same_tick_N(good, run)
     most_N = np.maximum(same_N, run.true_force_N) + FORCE_SLACK_N
-    if case.silent:  # a silent link is damped, once its model has faded
-        damped = (run.values["ticks/model_age_ticks"] >= valid_ticks + FADE_TICKS) & (run.mode == RENDER)
-        most_N = np.where(damped, np.maximum(most_N, DAMPING_FORCE_N), most_N)
+    # The tip is damped once its model has faded.
+    damped = (run.values["ticks/model_age_ticks"] >= valid_ticks + FADE_TICKS) & (run.mode == RENDER)
+    most_N = np.where(damped, np.maximum(most_N, DAMPING_FORCE_N), most_N)
     excess_N = run.force_N - most_N
     felt = run.force_N > FORCE_SLACK_N
     # Once the model's force was gone the contact is found anew, where the tip is by then, and has another history of friction.
@@ -191,18 +191,17 @@ def _times(case: Case, run: Run, at: int, end_tick: int, valid_ticks: int, broke
         return times
     if not (case.silent or case.refused):
         return times
-    # What is gone must stay so to the end of the fault. Of the model: the damper of a silent link is not counted.
+    # What is gone must stay so to the end of the fault. Of the model: the damper is not counted.
     span = slice(at, run.row(end_tick))
     tick = run.values["ticks/tick"][span]
     faded = run.values["ticks/model_age_ticks"][span] > valid_ticks + FADE_TICKS
-    gone = times["force_gone_ticks"] = _last(run.force_N[span] > (DAMPING_FORCE_N if case.silent else 0.0) * faded, tick, since)
-    if case.silent:
-        off = times["outputs_off_ticks"] = _last(run.values["ticks/enabled"][span] == 1, tick, since)
+    gone = times["force_gone_ticks"] = _last(run.force_N[span] > DAMPING_FORCE_N * faded, tick, since)
+    off = times["outputs_off_ticks"] = _last(run.values["ticks/enabled"][span] == 1, tick, since)
     length = end_tick - since
     gone_limit, off_limit = valid_ticks + FADE_TICKS, valid_ticks + FADE_TICKS + DAMPING_TICKS + SIGN_TICKS
     if length > gone_limit and (gone is None or gone > gone_limit):
         broken.append(f"force gone after {gone} ticks: must be at most {gone_limit}")
-    if case.silent and length > off_limit and (off is None or off > off_limit):
+    if length > off_limit and (off is None or off > off_limit):
         broken.append(f"outputs off after {off} ticks: must be at most {off_limit}")
     return times
 
