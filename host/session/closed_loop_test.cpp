@@ -16,7 +16,7 @@
 #include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
 #include "host/session/test_drag.hpp"
-#include "shared/wire/frame_receiver.hpp"
+#include "host/session/test_line.hpp"
 
 namespace palpate::host {
 namespace {
@@ -30,12 +30,12 @@ struct Handed {
 };
 
 // A UART that remembers.
-class Watched final : public link::Medium {
+class Watched final : public test::WatchedLine {
  public:
-  explicit Watched(std::uint32_t baud) : uart_(baud) {}
+  using WatchedLine::WatchedLine;
   bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override {
-    Handed one{.tick = tick, .bytes = bytes.size(), .before_bytes = uart_.backlog_bytes(tick)};
-    const wire::Reception reception = receiver_->receive(bytes);
+    Handed one{.tick = tick, .bytes = bytes.size(), .before_bytes = backlog_bytes(tick)};
+    const wire::Reception reception = receive(bytes);
     EXPECT_TRUE(reception.complete);  // a frame, whole
     one.specifier = reception.frame.header.specifier;
     if (one.specifier == wire::kModelStateSubject) {
@@ -46,21 +46,12 @@ class Watched final : public link::Medium {
       one.basis_id = part_.basis_id;
     }
     handed.push_back(one);
-    return uart_.submit(bytes, tick);
+    return WatchedLine::submit(bytes, tick);
   }
-  std::vector<std::uint8_t> deliver(std::uint32_t tick) override { return uart_.deliver(tick); }
-  [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override {
-    return uart_.backlog_bytes(tick);
-  }
-  [[nodiscard]] double bytes_per_tick() const override { return uart_.bytes_per_tick(); }
-  [[nodiscard]] link::MediumCounters counters() const override { return uart_.counters(); }
 
   std::vector<Handed> handed;
 
  private:
-  link::Uart uart_;
-  std::unique_ptr<wire::FrameReceiver<wire::kLargestPayloadToBoard>> receiver_ =
-      std::make_unique<wire::FrameReceiver<wire::kLargestPayloadToBoard>>();
   palpate_ModelState_1_0 state_{};
   palpate_ModelPart_1_0 part_{};
 };

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -18,7 +17,7 @@
 #include "host/session/closed_loop.hpp"
 #include "host/session/test_board.hpp"
 #include "host/session/test_contact.hpp"
-#include "shared/wire/frame_receiver.hpp"
+#include "host/session/test_line.hpp"
 
 namespace palpate::host {
 namespace {
@@ -30,14 +29,14 @@ constexpr auto kRender = static_cast<std::uint32_t>(firmware::Mode::render);
 constexpr auto kSuspended = static_cast<std::uint32_t>(firmware::Mode::suspended);
 
 // To the board, but for the states that are taken from it.
-class Picky final : public link::Medium {
+class Picky final : public test::WatchedLine {
  public:
   using Takes = std::function<bool(const palpate_ModelState_1_0&, std::uint32_t tick)>;
-  explicit Picky(Takes takes) : takes_(std::move(takes)) {}
+  explicit Picky(Takes takes) : WatchedLine(kBaud), takes_(std::move(takes)) {}
   bool submit(std::span<const std::uint8_t> bytes, std::uint32_t tick) override {
     // Several frames at once where they have been waiting.
     for (std::span<const std::uint8_t> left = bytes; !left.empty();) {
-      const wire::Reception reception = receiver_->receive(left);
+      const wire::Reception reception = receive(left);
       left = left.subspan(reception.consumed);
       if (!reception.complete || reception.frame.header.specifier != wire::kModelStateSubject) continue;
       EXPECT_EQ(wire::deserialize(reception.frame.payload, state_), Status::ok);
@@ -45,23 +44,14 @@ class Picky final : public link::Medium {
       if (takes_(state_, tick)) return true;
       state_ticks.push_back(tick);
     }
-    return uart_.submit(bytes, tick);
+    return WatchedLine::submit(bytes, tick);
   }
-  std::vector<std::uint8_t> deliver(std::uint32_t tick) override { return uart_.deliver(tick); }
-  [[nodiscard]] std::size_t backlog_bytes(std::uint32_t tick) const override {
-    return uart_.backlog_bytes(tick);
-  }
-  [[nodiscard]] double bytes_per_tick() const override { return uart_.bytes_per_tick(); }
-  [[nodiscard]] link::MediumCounters counters() const override { return uart_.counters(); }
 
   int nothings = 0;                        // that the host has sent
   std::vector<std::uint32_t> state_ticks;  // in which states went on to the board
 
  private:
   Takes takes_;
-  link::Uart uart_{kBaud};
-  std::unique_ptr<wire::FrameReceiver<wire::kLargestPayloadToBoard>> receiver_ =
-      std::make_unique<wire::FrameReceiver<wire::kLargestPayloadToBoard>>();
   palpate_ModelState_1_0 state_{};
 };
 

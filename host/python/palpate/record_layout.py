@@ -117,7 +117,7 @@ UPDATES = (
         "replayed and no model before it (decisions/correction_energy.md); 0 where the board did not take it over or does "
         "not replay it",
     ),
-    _update("modes", "u2", "", "number of modes"),
+    _update("modes", "u2", "", "number of modes; 0: a held force, or that nothing is near the tip"),
     _update("nodes", "u1", "", "number of nodes; with a near field those below the surface, too"),
     _update("bytes", "u4", "bytes", "length of its state's frame on the link"),
     _update("basis_bytes", "u4", "bytes", "length of the frames with pieces of bases since the state before"),
