@@ -13,7 +13,7 @@ SHORT_RUNS = {
     "board": 2_000,
     "board_can": 2_000,
     "usb": 5_000,
-    "usb_host": 5_000,
+    "usb_host": 2_000,
     "scene": 1_000,
     "record": 200,
 }
