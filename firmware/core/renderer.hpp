@@ -121,7 +121,7 @@ class Renderer {
   // The active model's horizon; 0: it has none, for it says that nothing is near, or there is no model.
   [[nodiscard]] std::uint32_t model_valid_ticks() const;
   // Interrupt context. Sum of the correction energies of all models that were taken over since the reset:
-  // what a passivity controller would have to take back. Nothing uses it yet.
+  // what the passivity controller takes back (firmware/core/passivity.hpp).
   [[nodiscard]] float correction_energy_J() const { return correction_energy_J_; }
   // Interrupt context. Steps between two computations of the near field of models that are taken over, and of
   // the active one: for the host, which repeats what the board did while a model caught up.

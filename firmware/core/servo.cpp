@@ -71,11 +71,14 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   in.model_sequence = renderer_.model_sequence();
   in.model_age_ticks = renderer_.model_age_ticks();
   in.model_valid_ticks = renderer_.model_valid_ticks();
-  // Only what may be damped asks for it.
+  // Only what may be damped asks for it, and what the force has created.
   const std::uint32_t horizon = std::min(in.model_valid_ticks, limits_.model_horizon_ticks);
+  const bool is_taken_back = excess_J(state_.passivity, passivity_limits(limits_)) > 0.0f;
   if (have_tip_ && pose_known &&
-      (link_age_ticks_ > limits_.link_silent_ticks || in.model_age_ticks > horizon))
+      (is_taken_back || link_age_ticks_ > limits_.link_silent_ticks || in.model_age_ticks > horizon))
     in.tip_velocity_m_s = device::estimated_velocity(device_, pose, estimators_);
+  in.correction_J = renderer_.correction_energy_J() - correction_J_;
+  correction_J_ = renderer_.correction_energy_J();
   in.direct_force_N = direct_force_N_;
   in.direct_age_ticks = direct_age_ticks_;
   return in;
@@ -123,6 +126,11 @@ void Servo::listen_to_host(std::uint32_t elapsed_ticks) {
   host_frames_ = frames;
 }
 
+void Servo::forget_models() {
+  renderer_.isr_reset();
+  correction_J_ = renderer_.correction_energy_J();
+}
+
 void Servo::note_who_armed(const Decision& decision, const CommandRequest& request) {
   const bool was_armed = mailbox_.is_armed.load(std::memory_order_relaxed);
   const bool is_armed = palpate::firmware::is_armed(decision.state.mode);
@@ -133,7 +141,7 @@ void Servo::note_who_armed(const Decision& decision, const CommandRequest& reque
   // A program's force and a model's do not mix, nor models of two hosts: none is waiting when its time comes.
   const std::uint16_t node = mailbox_.model_node.load(std::memory_order_relaxed);
   if (decision.state.mode == Mode::direct || (node != kNoNode && node != request.requester.node))
-    renderer_.isr_reset();
+    forget_models();
 }
 
 ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
@@ -174,7 +182,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
     reference_count_ = sensors.count;
     // The tip has moved without having moved: no speed, and no model that knew it elsewhere.
     have_tip_ = false;
-    renderer_.isr_reset();
+    forget_models();
   }
 
   note_who_armed(decision, request);

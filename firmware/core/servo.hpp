@@ -79,6 +79,7 @@ class Servo {
   // refuses all that waits there, which may have been sent before it and would undo it.
   bool take_command(CommandRequest& request);
   void listen_to_host(std::uint32_t elapsed_ticks);
+  void forget_models();
   void note_who_armed(const Decision& decision, const CommandRequest& request);
   void post_device(const ServoTiming& timing, const device::Pose& pose);
   void post(const ServoTiming& timing, const Decision& decision);
@@ -100,6 +101,7 @@ class Servo {
   Vec3f rendered_tip_m_{};                       // likewise, as the renderer was told it
   Vec3f direct_force_N_{};                       // the newest palpate.DirectForce, of the tip on the body
   std::uint32_t direct_age_ticks_ = UINT32_MAX;  // of it; UINT32_MAX: none has come
+  float correction_J_ = 0.0f;                    // as the renderer had it last
   std::uint32_t stops_ = 0, disarms_ = 0;        // as the mailbox had them last
   std::uint32_t host_frames_ = 0;                // as the mailbox had them last
   std::uint32_t link_age_ticks_ = UINT32_MAX;    // since the host that armed was heard

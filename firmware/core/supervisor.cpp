@@ -17,6 +17,11 @@ bool finite(const std::array<float, 3>& values) {
   return std::isfinite(values[0]) && std::isfinite(values[1]) && std::isfinite(values[2]);
 }
 
+Vec3f shortened(const Vec3f& force_N, float longest_N) {
+  const float magnitude_N = norm(force_N);
+  return magnitude_N > longest_N ? force_N * (longest_N / magnitude_N) : force_N;
+}
+
 // A token that nobody sends by accident: the tick and the seed, mixed (finalizer of MurmurHash3); never 0.
 std::uint32_t make_token(std::uint32_t tick, std::uint32_t seed) {
   std::uint32_t x = tick ^ seed;
@@ -37,6 +42,7 @@ void enter(SupervisorState& state, Mode mode) {
   state.soft_start_ticks = 0;
   state.damping_ticks = 0;
   state.energy_J = 0.0f;
+  state.passivity = {};
 }
 
 // Faults of a broken device: whatever the mode.
@@ -46,7 +52,8 @@ FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in,
   if (in.command.action == Action::stop) faults |= bit(Fault::stop_command);
   if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !is_finite(in.direct_force_N) ||
       !finite(in.measured_current_A) || !std::isfinite(in.joint_step_rad) ||
-      !std::isfinite(in.tip_speed_m_s) || !is_finite(in.tip_step_m) || !is_finite(in.tip_velocity_m_s)) {
+      !std::isfinite(in.tip_speed_m_s) || !is_finite(in.tip_step_m) || !is_finite(in.tip_velocity_m_s) ||
+      !std::isfinite(in.correction_J)) {
     faults |= bit(Fault::not_a_number);
   }
   if (in.joint_step_rad > limits.joint_step_rad) faults |= bit(Fault::encoder_jump);
@@ -93,6 +100,15 @@ void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limi
   const float level_J = state.energy_J - dot(state.force_N, in.tip_step_m) -
                         limits.energy_leak_W * kTick_s * static_cast<float>(in.elapsed_ticks);
   state.energy_J = level_J > 0.0f ? level_J : 0.0f;
+}
+
+// A program's force is its own affair: it may lead the hand.
+void observe_passivity(SupervisorState& state, const SupervisorInputs& in) {
+  if (state.mode != Mode::render || !is_finite(in.tip_step_m)) return;
+  state.passivity = observe(state.passivity, {.force_N = state.force_N,
+                                              .step_m = in.tip_step_m,
+                                              .correction_J = in.correction_J,
+                                              .touches = !(in.force_N == Vec3f{})});
 }
 
 // The model in use is that of a tip that is far from the body: it has no force, and does not grow old.
@@ -174,30 +190,41 @@ bool is_cut_off(const SupervisorInputs& in, const Limits& limits, const Wanted& 
 
 // Against the tip's motion: the hand feels the opposite.
 Vec3f damping_force(const SupervisorInputs& in, const Limits& limits) {
-  Vec3f force_N = limits.damping_N_s_m * in.tip_velocity_m_s;
-  const float magnitude_N = norm(force_N);
-  if (magnitude_N > limits.damping_force_N) force_N *= limits.damping_force_N / magnitude_N;
-  return force_N;
+  return shortened(limits.damping_N_s_m * in.tip_velocity_m_s, limits.damping_force_N);
 }
 
-Vec3f limited_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
-                    const Wanted& wanted) {
-  Vec3f force_N{};
-  if (state.damping_ticks > 0 && is_cut_off(in, limits, wanted)) {
-    force_N = damping_force(in, limits);
-  } else if (wanted.present) {
-    force_N = wanted.force_N;
-    const float magnitude_N = norm(force_N);
-    if (magnitude_N > wanted.peak_N) force_N *= wanted.peak_N / magnitude_N;
-    // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
-    const float scale = force_scale(state, wanted, limits);
-    if (scale != 1.0f) force_N *= scale;
-  }
-  const Vec3f change_N = force_N - state.force_N;
+// Before the limit of its change.
+Vec3f asked_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
+                  const Wanted& wanted) {
+  if (state.damping_ticks > 0 && is_cut_off(in, limits, wanted)) return damping_force(in, limits);
+  if (!wanted.present) return {};
+  // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
+  const Vec3f force_N = shortened(wanted.force_N, wanted.peak_N);
+  const float scale = force_scale(state, wanted, limits);
+  return scale != 1.0f ? force_N * scale : force_N;
+}
+
+Vec3f towards(const Vec3f& asked_N, const SupervisorState& state, const SupervisorInputs& in,
+              const Wanted& wanted) {
+  const Vec3f change_N = asked_N - state.force_N;
   const float step_N = norm(change_N);
   const float largest_N = wanted.step_N * static_cast<float>(in.elapsed_ticks);
-  if (step_N > largest_N) force_N = state.force_N + change_N * (largest_N / step_N);
-  return force_N;
+  return step_N > largest_N ? state.force_N + change_N * (largest_N / step_N) : asked_N;
+}
+
+// With the passivity controller's damping, of which `state` remembers what the limits have left.
+Vec3f limited_force(SupervisorState& state, const SupervisorInputs& in, const Limits& limits,
+                    const Wanted& wanted) {
+  const Vec3f asked_N = asked_force(state, in, limits, wanted);
+  const Vec3f force_N = towards(asked_N, state, in, wanted);
+  state.passivity.damping_N = {};
+  if (state.mode != Mode::render || state.damping_ticks > 0) return force_N;
+  const Vec3f damping_N =
+      passivity_damping(state.passivity, in.tip_velocity_m_s, kTick_s, passivity_limits(limits));
+  if (damping_N == Vec3f{}) return force_N;
+  const Vec3f damped_N = towards(shortened(asked_N + damping_N, wanted.peak_N), state, in, wanted);
+  state.passivity.damping_N = damped_N - force_N;
+  return damped_N;
 }
 
 // `always` and `rendering` are the conditions of this tick: both refuse arming; those that only matter while
@@ -292,6 +319,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   count_over_current(state, in, limits);
   count_deadlines(state, in, limits);
   count_energy(state, in, limits);
+  observe_passivity(state, in);
   if (outputs_on(state.mode) && !state.force_was_lost)
     state.soft_start_ticks = saturating_add(state.soft_start_ticks, in.elapsed_ticks);
 

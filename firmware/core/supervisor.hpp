@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "firmware/core/passivity.hpp"
 #include "shared/math/linear.hpp"
 #include "shared/status.hpp"
 
@@ -116,6 +117,10 @@ struct Limits {
   float energy_J = 0.5f;
   float energy_leak_W = 0.5f;
 
+  // Of the passivity controller, which damps as a lost link does: what the force has created is let be up to
+  // this. Below half of what a hand can notice at all, 1 mJ: 0.1 N over 1 cm.
+  float passivity_allowance_J = 0.5e-3f;
+
   // Of palpate.DirectForce. Any program may send one, so the limits are closer than a model's: 5 N still
   // stops a hand, and a wall of 1 kN/m met at 0.5 m/s asks for 0.5 N more in each tick.
   float direct_force_N = 5.0f;
@@ -172,6 +177,7 @@ struct SupervisorState {
   std::uint32_t soft_start_ticks = 0;       // since the force began to rise
   std::uint32_t damping_ticks = 0;          // since the newest fresh model
   float energy_J = 0.0f;                    // the bucket
+  PassivityState passivity{};               // of a model's force
 
   friend bool operator==(const SupervisorState&, const SupervisorState&) = default;
 };
@@ -192,7 +198,7 @@ struct SupervisorInputs {
   bool at_rest = true;  // no joint moved by more than calibration_motion_count since calibration began
   std::array<float, 3> measured_current_A{};
   Vec3f tip_step_m{};        // since the last call; zero where it is not known
-  Vec3f tip_velocity_m_s{};  // estimated between counts
+  Vec3f tip_velocity_m_s{};  // estimated between counts; zero where nothing asks for it
   // Since the host that armed was heard.
   std::uint32_t link_age_ticks = 0;
   // Local model.
@@ -200,10 +206,15 @@ struct SupervisorInputs {
   std::uint32_t model_sequence = 0;  // 0: no model
   std::uint32_t model_age_ticks = 0;
   std::uint32_t model_valid_ticks = 0;  // its own horizon; 0: it says that nothing is near the tip
+  float correction_J = 0.0f;            // given too much by what was rendered before it was taken over
   // palpate.DirectForce, as a force of the tip on the body: the hand feels the opposite.
   Vec3f direct_force_N{};
   std::uint32_t direct_age_ticks = UINT32_MAX;  // of the newest; UINT32_MAX: none has come
 };
+
+[[nodiscard]] inline PassivityLimits passivity_limits(const Limits& limits) {
+  return {limits.passivity_allowance_J, limits.damping_N_s_m, limits.damping_force_N};
+}
 
 struct CommandOutcome {
   Action action = Action::nothing;  // nothing: there was no command

@@ -5,6 +5,8 @@
 #include <nanobind/ndarray.h>
 
 #include <cstdint>
+#include <optional>
+#include <string>
 
 namespace palpate::python {
 
@@ -23,6 +25,10 @@ nb::dict medium_limit(const nb::dict& scene, std::uint32_t ticks);
 nb::list host_link_cost(const nb::dict& scene, std::uint32_t rounds);
 nb::list board_link_cost(const nb::dict& scene, int actuator_fd, int sensor_fd, std::uint32_t rounds);
 nb::dict model_cost(const nb::dict& scene, std::uint32_t rounds);
+// host/bench/virtual_wall.hpp
+std::optional<double> stiffest_wall_N_m(const nb::dict& device, double rate_Hz, std::uint32_t delay_ticks,
+                                        double count_m, bool is_controlled, double damping_N_s_m,
+                                        double duration_s, double most_J);
 nb::dict simulate(const nb::dict& scene, const nb::callable& progress);
 nb::dict reference(const nb::dict& scene, const Times& time_s, const Positions& tip_m,
                    const nb::callable& progress);

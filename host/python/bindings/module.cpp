@@ -1,3 +1,4 @@
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
 #include "firmware/core/renderer.hpp"
@@ -28,6 +29,8 @@ NB_MODULE(_core, module) {
   module.def("host_link_cost", &palpate::python::host_link_cost, "scene"_a, "rounds"_a);
   module.def("board_link_cost", &palpate::python::board_link_cost, "scene"_a, "actuator_fd"_a, "sensor_fd"_a,
              "rounds"_a);
+  module.def("stiffest_wall_N_m", &palpate::python::stiffest_wall_N_m, "device"_a, "rate_Hz"_a,
+             "delay_ticks"_a, "count_m"_a, "is_controlled"_a, "damping_N_s_m"_a, "duration_s"_a, "most_J"_a);
   module.def("simulate", &palpate::python::simulate, "scene"_a, "progress"_a);
   module.def("reference", &palpate::python::reference, "scene"_a, "time_s"_a, "tip_m"_a, "progress"_a);
   palpate::python::bind_body(module);

@@ -50,6 +50,20 @@ def model_cost(scene: dict[str, Any], rounds: int) -> dict[str, float]:
     (a product of two 128 x 128 matrices of doubles) and of a model, taking turns; and the time of the first model, with
     what is computed once."""
 
+def stiffest_wall_N_m(
+    device: dict[str, float],
+    rate_Hz: float,
+    delay_ticks: int,
+    count_m: float,
+    is_controlled: bool,
+    damping_N_s_m: float,
+    duration_s: float,
+    most_J: float,
+) -> float | None:
+    """The stiffest virtual wall, of 20 a decade from 10 to 1e5 N/m, up to which none creates more than most_J in duration_s with
+    any of four passive hands; None: not the first. count_m: of the encoder, 0: none; device: {mass_kg, viscosity_N_s_m,
+    friction_N, most_force_N} of one axis. Several threads may call it. ValueError for a servo out of range."""
+
 def medium_limit(scene: dict[str, Any], ticks: int) -> dict[str, float]:
     """What the scene's medium carries to the board at most, the largest message behind itself for so many ticks of virtual time:
     {message_bytes_per_s, link_bytes_per_s, busy_share}; link: framing included."""

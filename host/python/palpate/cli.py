@@ -239,7 +239,7 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
-    text = "measure what local models cost, what links hold, or what faults do to the force"
+    text = "measure what local models cost, what links hold, what faults do to the force, or what is stable"
     benches = describe(commands, "bench", text, "bench").add_subparsers(dest="what", required=True, metavar="WHAT")
     frontier = add("frontier", "cost against error of every builder in every experiment, and sweeps", benches, "bench ")
     frontier.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
@@ -253,6 +253,12 @@ def build_parser() -> argparse.ArgumentParser:
     faults.add_argument("--board", choices=("native", "mps2_an386"), default="native", help="the board that runs the firmware (default: native)")
     faults.add_argument("--medium", choices=("uart", "can", "canfd", "usb"), default="uart", help="the link, with its cases (default: uart)")
     add_out(faults, "out/faults")
+    stability = add("stability", "what a servo of this kind can render without creating energy", benches, "bench ")
+    stability.add_argument(
+        "--zwidth", action="store_true", required=True, help="the stiffest virtual wall by damping, servo rate, delay and encoder"
+    )
+    stability.add_argument("--quick", action="store_true", help="three rates, two dampings, shorter trials")
+    add_out(stability, "out/stability")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     flash = add("flash", "put the image of a board into its part, by OpenOCD, st-flash or DFU; untried on silicon")
@@ -606,11 +612,29 @@ def _bench_links(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _bench_stability(arguments: argparse.Namespace) -> int:
+    from palpate.stability import command
+
+    folder = _output_folder(arguments, "stability")
+    command.check_folder(folder)
+    from palpate import _core
+
+    values = command.bench_zwidth(_core, arguments.quick, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_tables(values), file=table)
+    _print_files(values["files"], table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    return OK
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     if arguments.what == "faults":
         return _bench_faults(arguments)
     if arguments.what == "links":
         return _bench_links(arguments)
+    if arguments.what == "stability":
+        return _bench_stability(arguments)
     from palpate.frontier import command
 
     folder = _output_folder(arguments, "frontier")

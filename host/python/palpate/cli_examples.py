@@ -20,6 +20,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "bench": ("./run bench frontier --quick", "./run bench links --help"),
     "bench frontier": ("./run bench frontier --quick",),
     "bench links": ("./run bench links --quick",),
+    "bench stability": ("./run bench stability --zwidth", "./run bench stability --zwidth --quick --json"),
     "bench faults": ("./run bench faults --only unplugged drop --json", "./run bench faults --board mps2_an386 --quick"),
     "choose": (
         "./run choose scenes/auto.toml",

@@ -213,6 +213,8 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
     "./run bench faults": _TOO_LONG,
+    "./run bench stability --zwidth": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",
+    "./run bench stability --zwidth --quick --json": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",
     "./run bench faults --medium canfd": _TOO_LONG,
     "./run bench faults --medium usb": _TOO_LONG,
     "./run bench faults --medium can": _TOO_LONG,

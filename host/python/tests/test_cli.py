@@ -44,7 +44,7 @@ def test_help_lists_the_commands() -> None:
 
 
 def test_every_bench_has_a_help_of_its_own() -> None:
-    options = {"frontier": set(), "links": set(), "faults": {"--only", "--board", "--medium"}}
+    options = {"frontier": set(), "links": set(), "faults": {"--only", "--board", "--medium"}, "stability": {"--zwidth"}}
     for what, own in options.items():
         helped = palpate("bench", what, "--help")
         assert helped.returncode == 0

@@ -1,0 +1,1 @@
+"""What a servo of this kind can render without creating energy: `palpate bench stability`."""
