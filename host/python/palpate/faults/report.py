@@ -13,8 +13,8 @@ _RULES = (
     "outputs are off.",
     "Ramps. While outputs are on, the force changes in a tick by at most 0.5 N more than it ever does without faults; faults of the "
     "board cut instead.",
-    "A fault does not raise the force beyond what is felt without it in the same tick or anywhere no deeper, and what an old local "
-    "model is wrong by: 0.5 N, or 30 % of the force.",
+    "A fault does not raise the force by more than 0.5 N over that of the same tick without it, or over what the full body says "
+    "along the tip\u2019s own way.",
     "Time. When the host is silent, or none of its models is taken, their force fades and outputs go off, both in time.",
     "Recovery. The run ends in the mode that is documented, by itself where it may.",
     "Counted. Every frame that was removed, every model that was refused and every restart shows.",

@@ -50,6 +50,6 @@ def draw(rows: Sequence[dict[str, Any]], sweeps: Mapping[str, Sequence[Servo]], 
         panel.set_xticks([row["damping_N_s_m"] for row in of(rows, servos[0], False)])
         panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
         panel.minorticks_off()
-        plot.legend(panel, place="lower center" if key == "delay_ticks" else "lower right")
+        panel.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1, 0].set_xlabel("damping of the wall [N s/m]; dashed: without the controller; x: Colgate's bound; dotted: the count's bound", fontsize=8)
     plot.save(figure, file)
