@@ -96,7 +96,11 @@ struct Measured {
 };
 
 constexpr std::uint32_t kTicks = 12'000, kSettling_ticks = 3000;
-constexpr std::uint32_t kFirst_tick = 85;  // a device on USB is there by then
+#ifdef PALPATE_TIME_OVER_USB
+constexpr std::uint32_t kFirst_tick = 85;  // the device is there by then
+#else
+constexpr std::uint32_t kFirst_tick = 5;  // before full traces have filled classic CAN
+#endif
 constexpr double kHostStarted_s = 77.0;
 
 // `quartz`: how much faster the host's clock runs than the board's. `most_late_ticks`: what has come waits so
