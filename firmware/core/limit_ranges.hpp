@@ -50,6 +50,7 @@ inline constexpr std::array kNumberRanges{
     LimitRange<float>{"energy_J", &Limits::energy_J, 0.01f, 5.0f},
     LimitRange<float>{"energy_leak_W", &Limits::energy_leak_W, 0.0f, 5.0f},
     LimitRange<float>{"passivity_allowance_J", &Limits::passivity_allowance_J, 0.0f, 0.1f},
+    LimitRange<float>{"passivity_most_J", &Limits::passivity_most_J, 0.0f, 1.0f},
     LimitRange<float>{"direct_force_N", &Limits::direct_force_N, 0.1f, 40.0f},
     LimitRange<float>{"direct_force_step_N", &Limits::direct_force_step_N, 0.01f, 0.5f},
     LimitRange<float>{"direct_energy_J", &Limits::direct_energy_J, 0.01f, 30.0f},

@@ -4,7 +4,9 @@
 // Two accounts. The port's: the work of the hand on what is rendered; it begins anew where nothing is
 // touched, so that what friction has taken in one contact is no credit in the next. And the debt of model
 // corrections: what late models have given too much (docs/decisions/correction_energy.md), which friction
-// would hide in the first. A force holds from its tick to the next one, so that both are exact.
+// would hide in the first. A force holds from its tick to the next one, so that the first is exact; the
+// second counts forces before the supervisor's limits. Neither remembers more than what a hand feels as a
+// short drag.
 #pragma once
 
 #include <algorithm>
@@ -15,6 +17,7 @@ namespace palpate::firmware {
 
 struct PassivityLimits {
   float allowance_J = 0.0f;    // created before anything is done about it
+  float most_J = 0.0f;         // that either account remembers
   float damping_N_s_m = 0.0f;  // at most
   float force_N = 0.0f;        // likewise
 };
@@ -35,10 +38,12 @@ struct PassivityInputs {
   bool touches = false;       // a force is asked for now
 };
 
-[[nodiscard]] inline PassivityState observe(PassivityState state, const PassivityInputs& in) {
-  state.balance_J += dot(in.force_N, in.step_m);
+[[nodiscard]] inline PassivityState observe(PassivityState state, const PassivityInputs& in,
+                                            const PassivityLimits& limits) {
+  state.balance_J = std::max(state.balance_J + dot(in.force_N, in.step_m), -limits.most_J);
   if (!in.touches) state.balance_J = std::min(state.balance_J, 0.0f);
-  state.debt_J = std::max(state.debt_J + in.correction_J - dot(state.damping_N, in.step_m), 0.0f);
+  state.debt_J =
+      std::clamp(state.debt_J + in.correction_J - dot(state.damping_N, in.step_m), 0.0f, limits.most_J);
   return state;
 }
 

@@ -114,8 +114,8 @@ TEST(PassivityControl, StaysWithinPeakAndStep) {
     hand.tick(peak_N, 1.0f);
     ASSERT_LE(norm(hand.state.force_N), hand.limits.peak_force_N + kForceRounding_N);
   }
-  // Nothing was added, so nothing was paid.
-  EXPECT_NEAR(hand.state.passivity.debt_J, 1.0f, 1e-5f);
+  // Nothing was added, so nothing was paid of what is remembered.
+  EXPECT_NEAR(hand.state.passivity.debt_J, hand.limits.passivity_most_J, 1e-7f);
   for (int i = 0; i < 100; ++i) hand.tick({}, i % 2 == 0 ? 1.0f : -1.0f);
   EXPECT_LE(hand.largest_step_N, hand.limits.force_step_N + kForceRounding_N);
 }
@@ -127,6 +127,24 @@ TEST(PassivityControl, AProgramsForceIsItsOwn) {
   for (int i = 0; i < 200; ++i) hand.tick({-1.0f, 0.0f, 0.0f}, kSpeed_m_s);
   EXPECT_EQ(hand.state.force_N, (Vec3f{-1.0f, 0.0f, 0.0f}));
   EXPECT_EQ(hand.state.passivity, PassivityState{});
+}
+
+TEST(PassivityControl, ACorrectionOfWhatWasNotFeltIsNone) {
+  Rendering hand;
+  hand.in.command = {Action::disarm, 0};
+  hand.tick({}, 0.0f);
+  hand.in.command = {Action::arm_request, 0};
+  hand.tick({}, 0.0f);
+  hand.in.command = {Action::arm_confirm, hand.state.token};
+  for (std::uint32_t i = 0; i < hand.limits.soft_start_ticks; ++i) {
+    hand.in.correction_J = 1e-3f;
+    hand.tick({1.0f, 0.0f, 0.0f}, 0.0f);
+    ASSERT_EQ(hand.state.passivity.debt_J, 0.0f) << i;
+  }
+  hand.tick({1.0f, 0.0f, 0.0f}, 0.0f);
+  hand.in.correction_J = 1e-3f;
+  hand.tick({1.0f, 0.0f, 0.0f}, 0.0f);
+  EXPECT_FLOAT_EQ(hand.state.passivity.debt_J, 1e-3f);
 }
 
 TEST(PassivityControl, BeginsAnewWhenOutputsComeOn) {

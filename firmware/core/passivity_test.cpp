@@ -7,7 +7,8 @@
 namespace palpate::firmware {
 namespace {
 
-constexpr PassivityLimits kLimits{.allowance_J = 1e-3f, .damping_N_s_m = 2.0f, .force_N = 1.0f};
+constexpr PassivityLimits kLimits{
+    .allowance_J = 1e-3f, .most_J = 0.02f, .damping_N_s_m = 2.0f, .force_N = 1.0f};
 constexpr float kTick_s = 1e-3f;
 // Of sums of a thousand products below 1 mJ in single precision.
 constexpr float kRounding_J = 1e-8f;
@@ -21,7 +22,7 @@ TEST(Passivity, ASampledAndHeldSpringCreatesWhatTheHoldIsLate) {
   for (int i = 0; i < 10; ++i) {
     const float step_m = i < 5 ? kStep_m : -kStep_m;
     tip_m += step_m;
-    state = observe(state, {.force_N = {force_N, 0, 0}, .step_m = {step_m, 0, 0}, .touches = true});
+    state = observe(state, {.force_N = {force_N, 0, 0}, .step_m = {step_m, 0, 0}, .touches = true}, kLimits);
     force_N = kStiffness_N_m * tip_m;
   }
   EXPECT_NEAR(state.balance_J, kStiffness_N_m * kStep_m * kStep_m * (10.0f - 15.0f), kRounding_J);
@@ -31,33 +32,41 @@ TEST(Passivity, ASampledAndHeldSpringCreatesWhatTheHoldIsLate) {
 
 TEST(Passivity, WhatOneContactHasTakenIsNoCreditInTheNext) {
   PassivityState state;
-  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {0.01f, 0, 0}, .touches = true});
+  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {0.01f, 0, 0}, .touches = true}, kLimits);
   EXPECT_FLOAT_EQ(state.balance_J, 0.01f);
-  state = observe(state, {.touches = false});
+  state = observe(state, {.touches = false}, kLimits);
   EXPECT_EQ(state.balance_J, 0.0f);
   // What was created is not forgotten that way.
-  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {-0.01f, 0, 0}, .touches = true});
-  state = observe(state, {.touches = false});
+  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {-0.01f, 0, 0}, .touches = true}, kLimits);
+  state = observe(state, {.touches = false}, kLimits);
   EXPECT_FLOAT_EQ(state.balance_J, -0.01f);
 }
 
 TEST(Passivity, ADebtOfCorrectionsIsPaidByDampingOnly) {
   PassivityState state;
-  state =
-      observe(state, {.force_N = {1, 0, 0}, .step_m = {0.1f, 0, 0}, .correction_J = 5e-3f, .touches = true});
+  state = observe(
+      state, {.force_N = {1, 0, 0}, .step_m = {0.1f, 0, 0}, .correction_J = 5e-3f, .touches = true}, kLimits);
   EXPECT_FLOAT_EQ(state.balance_J, 0.1f);
   EXPECT_FLOAT_EQ(state.debt_J, 5e-3f);
   EXPECT_FLOAT_EQ(excess_J(state, kLimits), 4e-3f);
   // Friction of the body takes energy, which pays nothing.
-  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {0.1f, 0, 0}, .touches = true});
+  state = observe(state, {.force_N = {1, 0, 0}, .step_m = {0.1f, 0, 0}, .touches = true}, kLimits);
   EXPECT_FLOAT_EQ(state.debt_J, 5e-3f);
   state.damping_N = {0.5f, 0, 0};
-  state = observe(state, {.force_N = {1.5f, 0, 0}, .step_m = {0.004f, 0, 0}, .touches = true});
+  state = observe(state, {.force_N = {1.5f, 0, 0}, .step_m = {0.004f, 0, 0}, .touches = true}, kLimits);
   EXPECT_FLOAT_EQ(state.debt_J, 3e-3f);
   // A model that takes too much is no credit for one that gives.
   state.damping_N = {};
-  state = observe(state, {.correction_J = -1.0f, .touches = true});
+  state = observe(state, {.correction_J = -1.0f, .touches = true}, kLimits);
   EXPECT_EQ(state.debt_J, 0.0f);
+}
+
+TEST(Passivity, NeitherAccountRemembersMoreThanItMay) {
+  PassivityState state;
+  state = observe(state, {.force_N = {-1, 0, 0}, .step_m = {5, 0, 0}, .correction_J = 5.0f, .touches = true},
+                  kLimits);
+  EXPECT_EQ(state.balance_J, -kLimits.most_J);
+  EXPECT_EQ(state.debt_J, kLimits.most_J);
 }
 
 TEST(Passivity, DampingTakesTheExcessInATickOrWhatItMay) {
@@ -85,7 +94,8 @@ TEST(Passivity, WhatIsCreatedStaysAtTheAllowance) {
     const bool presses = phase < 0.5f;
     const float depth_m = 5e-3f * (presses ? 2.0f * phase : 2.0f - 2.0f * phase);
     const float step_m = presses ? 1e-4f : -1e-4f;
-    state = observe(state, {.force_N = {force_N, 0, 0}, .step_m = {step_m, 0, 0}, .touches = depth_m > 0.0f});
+    state = observe(state, {.force_N = {force_N, 0, 0}, .step_m = {step_m, 0, 0}, .touches = depth_m > 0.0f},
+                    kLimits);
     state.damping_N = passivity_damping(state, {step_m / kTick_s, 0, 0}, kTick_s, kLimits);
     force_N = (presses ? 40.0f : 60.0f) * depth_m + state.damping_N.x;
     least_J = std::min(least_J, state.balance_J);

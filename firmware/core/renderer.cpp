@@ -13,6 +13,8 @@ constexpr std::uint8_t kFlagModelUsed = 4, kFlagModelSwap = 8;  // palpate.Servo
 static_assert((kTipHistory & (kTipHistory - 1)) == 0, "the history is indexed by tick modulo its length");
 
 // What a state may say of contact: offsets within the reach of the arm. Beyond, it is a fault of its sender.
+// Twice what the supervisor lets a force give at all.
+constexpr float kMostCorrection_J = 1.0f;
 constexpr float kLargestOffset_m = 1.0f;  // stretch, inset, overhang and height
 
 // False for NaN.
@@ -71,7 +73,8 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     account(taken, tip_m);
     // A force that is no number is the supervisor's to stop; the sum must stay one.
     if (!std::isfinite(taken.correction_energy_J)) taken.correction_energy_J = 0.0f;
-    correction_energy_J_ += taken.correction_energy_J;
+    // Of a model that has diverged, which must not leave the sum without its last digits.
+    correction_energy_J_ += std::clamp(taken.correction_energy_J, -kMostCorrection_J, kMostCorrection_J);
     sample.flags |= kFlagModelSwap;
   }
   if (have_model_.load(std::memory_order_relaxed)) {
@@ -195,9 +198,11 @@ Status Renderer::start(Slot& slot) {
     slot.surface.bind(slot.view, slot.state);
   }
   if (static_cast<std::int32_t>(slot.tick - newest) > 0) return Status::model_from_future;
-  if (slot.kind != ModelKind::modes) return Status::ok;
+  // A force may be late, for it grows old; that nothing is near does not.
+  if (slot.kind != ModelKind::modes && slot.valid_ticks != 0) return Status::ok;
   ServoSample at_model_tick{};
   if (!sample(slot.tick, at_model_tick)) return Status::model_too_old;
+  if (slot.kind != ModelKind::modes) return Status::ok;
   slot.previous_tip_m = at_model_tick.tip_m - slot.view.origin_m;
   return Status::ok;
 }

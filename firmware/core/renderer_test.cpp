@@ -277,6 +277,22 @@ TEST(Renderer, NothingTakesAModelsPlaceWithoutAForce) {
   EXPECT_EQ(runner.reports.back().correction_energy_J, 0.0f);
 }
 
+// A force that is held may be late: it grows old. That nothing is near does not, and is no news of long ago.
+TEST(Renderer, NothingIsRefusedWhenItIsOld) {
+  Runner runner;
+  runner.ticks(2 * kTipHistory);
+  ASSERT_EQ(runner.accept(nothing(1, runner.now - 1 - kTipHistory)), Status::ok);
+  runner.ticks(5);
+  EXPECT_EQ(runner.reports.back().status, Status::model_too_old);
+  EXPECT_EQ(runner.renderer->model_sequence(), 0u);
+  ASSERT_EQ(runner.accept(held_force(2, runner.now - 1 - kTipHistory, 0.0f)), Status::ok);
+  runner.ticks(5);
+  EXPECT_EQ(runner.renderer->model_sequence(), 2u);
+  ASSERT_EQ(runner.accept(nothing(3, runner.now - 10)), Status::ok);
+  runner.ticks(5);
+  EXPECT_EQ(runner.renderer->model_sequence(), 3u);
+}
+
 // What has no horizon has no force either, whatever its sender makes of it.
 TEST(Renderer, NothingHasNoForceAndNoContact) {
   Runner runner;

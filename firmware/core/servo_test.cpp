@@ -323,6 +323,33 @@ TEST_F(ServoTest, LimitedForceIsFlaggedAndRecordedBeforeLimits) {
   EXPECT_NE(sample.flags & palpate_ServoSample_1_0_FLAG_LIMITED, 0);
 }
 
+// A model from before the tip was pressed, whose body is higher: it would have asked for more on the way in.
+TEST_F(ServoTest, WhatACorrectionHasGivenTooMuchIsTakenBack) {
+  static constexpr Limits kEager{.passivity_allowance_J = 0.0f};
+  servo_ = std::make_unique<Servo>(kDevice, kEager, 1u, *renderer_, mailbox_);
+  arm();
+  ticks(kEager.soft_start_ticks);
+  give_model(test::square_model(3, timing_.tick - 1, {0.0f, 0.0f, -0.002f}));
+  ticks(10);
+  const std::uint32_t before = timing_.tick - 1;
+  const Vec3f pressed_rad{0.0f, -0.019f, 0.0f};
+  move_to({}, pressed_rad, 20);
+  EXPECT_EQ(last_.force_N, last_.sample.force_N);
+  give_model(test::square_model(4, before, {0.0f, 0.0f, -0.001f}));
+  ASSERT_GT(renderer_->correction_energy_J(), 0.0f);
+  float taken_J = 0.0f;
+  Vec3f tip_m = last_.sample.tip_m, added_N{};
+  for (std::uint32_t i = 1; i <= 20; ++i) {
+    sensors_.count = counts_at(pressed_rad * (1.0f - static_cast<float>(i) / 20.0f));
+    last_ = tick();
+    taken_J += dot(added_N, last_.sample.tip_m - tip_m);
+    tip_m = last_.sample.tip_m;
+    added_N = last_.force_N - last_.sample.force_N;
+    ASSERT_LE(norm(added_N), kEager.damping_force_N + kForceRounding_N);
+  }
+  EXPECT_GT(taken_J, 0.5f * renderer_->correction_energy_J());
+}
+
 TEST_F(ServoTest, EmergencyStopActsWithinItsTick) {
   arm();
   ticks(10);

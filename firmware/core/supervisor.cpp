@@ -103,12 +103,17 @@ void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limi
 }
 
 // A program's force is its own affair: it may lead the hand.
-void observe_passivity(SupervisorState& state, const SupervisorInputs& in) {
+void observe_passivity(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
   if (state.mode != Mode::render || !is_finite(in.tip_step_m)) return;
-  state.passivity = observe(state.passivity, {.force_N = state.force_N,
-                                              .step_m = in.tip_step_m,
-                                              .correction_J = in.correction_J,
-                                              .touches = !(in.force_N == Vec3f{})});
+  // Of a force that rises or is damped the hand has not felt what the model corrects.
+  const bool is_felt =
+      !state.force_was_lost && state.damping_ticks == 0 && state.soft_start_ticks >= limits.soft_start_ticks;
+  state.passivity = observe(state.passivity,
+                            {.force_N = state.force_N,
+                             .step_m = in.tip_step_m,
+                             .correction_J = is_felt ? in.correction_J : 0.0f,
+                             .touches = !(in.force_N == Vec3f{})},
+                            passivity_limits(limits));
 }
 
 // The model in use is that of a tip that is far from the body: it has no force, and does not grow old.
@@ -319,7 +324,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   count_over_current(state, in, limits);
   count_deadlines(state, in, limits);
   count_energy(state, in, limits);
-  observe_passivity(state, in);
+  observe_passivity(state, in, limits);
   if (outputs_on(state.mode) && !state.force_was_lost)
     state.soft_start_ticks = saturating_add(state.soft_start_ticks, in.elapsed_ticks);
 

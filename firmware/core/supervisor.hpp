@@ -120,6 +120,8 @@ struct Limits {
   // Of the passivity controller, which damps as a lost link does: what the force has created is let be up to
   // this. Below half of what a hand can notice at all, 1 mJ: 0.1 N over 1 cm.
   float passivity_allowance_J = 0.5e-3f;
+  // More is forgotten: half a second of that damping at 0.1 m/s.
+  float passivity_most_J = 10e-3f;
 
   // Of palpate.DirectForce. Any program may send one, so the limits are closer than a model's: 5 N still
   // stops a hand, and a wall of 1 kN/m met at 0.5 m/s asks for 0.5 N more in each tick.
@@ -213,7 +215,8 @@ struct SupervisorInputs {
 };
 
 [[nodiscard]] inline PassivityLimits passivity_limits(const Limits& limits) {
-  return {limits.passivity_allowance_J, limits.damping_N_s_m, limits.damping_force_N};
+  return {limits.passivity_allowance_J, limits.passivity_most_J, limits.damping_N_s_m,
+          limits.damping_force_N};
 }
 
 struct CommandOutcome {

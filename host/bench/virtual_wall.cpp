@@ -90,11 +90,6 @@ class Sampler {
   bool is_first_ = true;
 };
 
-firmware::PassivityLimits default_limits() {
-  const firmware::Limits& limits = firmware::kDefaultLimits;
-  return {limits.passivity_allowance_J, limits.damping_N_s_m, limits.damping_force_N};
-}
-
 void check(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(what);
 }
@@ -119,7 +114,7 @@ double created_energy_J(const WallDevice& device, const WallHand& hand, const Wa
   const double tick_s = 1.0 / servo.rate_Hz;
   const int steps = std::max(1, static_cast<int>(std::ceil(tick_s / kStep_s)));
   const auto ticks = static_cast<std::uint32_t>(duration_s * servo.rate_Hz);
-  const firmware::PassivityLimits limits = default_limits();
+  const firmware::PassivityLimits limits = firmware::passivity_limits(firmware::kDefaultLimits);
   Axis axis(device, hand);
   Sampler sampler(servo);
   firmware::PassivityState passivity;
@@ -138,9 +133,11 @@ double created_energy_J(const WallDevice& device, const WallHand& hand, const Wa
     double force_N = std::min(arrived_N, device.most_force_N);
     if (servo.is_controlled) {
       // The account is of what the motors did, whatever was late in what they were told.
-      passivity = observe(passivity, {.force_N = {static_cast<float>(in_use_N), 0.0f, 0.0f},
-                                      .step_m = {static_cast<float>(sampler.step_m()), 0.0f, 0.0f},
-                                      .touches = arrived_N != 0.0});
+      passivity = observe(passivity,
+                          {.force_N = {static_cast<float>(in_use_N), 0.0f, 0.0f},
+                           .step_m = {static_cast<float>(sampler.step_m()), 0.0f, 0.0f},
+                           .touches = arrived_N != 0.0},
+                          limits);
       const Vec3f damping_N =
           passivity_damping(passivity, {static_cast<float>(sampler.velocity_m_s()), 0.0f, 0.0f},
                             static_cast<float>(tick_s), limits);

@@ -298,6 +298,8 @@ void LoopHost::take(const palpate_BoardStatus_1_0& status) {
   if (board_status_ && status.frames_unsent > board_status_->frames_unsent)
     frames_unsent_ += status.frames_unsent - board_status_->frames_unsent;
   board_status_ = status;
+  if (status.mode == palpate_BoardStatus_1_0_MODE_SUSPENDED)
+    tell_session([](Session& session) { session.note_suspended(); });
 }
 
 void LoopHost::take(const link::InfoResponse& response) {

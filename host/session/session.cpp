@@ -186,6 +186,13 @@ std::optional<ModelUpdate> Session::update() {
   return std::nullopt;
 }
 
+void Session::note_suspended() {
+  if (modelled_tick_ || !started_) return;
+  // Due at once.
+  modelled_tick_ =
+      tick_ - firmware::kDefaultLimits.model_horizon_ticks - firmware::kDefaultLimits.model_fade_ticks;
+}
+
 bool Session::nothing_is_due() const {
   if (!modelled_tick_) return false;
   // A tip that is soon back finds the model that it left, and that one never grows old. A tip that presses

@@ -83,6 +83,8 @@ class Session {
   void note_held_bases(std::vector<std::uint32_t> ids) { held_bases_ = std::move(ids); }
   // The board took over a model of this tick in swap_tick: what the patches ahead are planned by.
   void note_taken(std::uint32_t model_tick, std::uint32_t swap_tick);
+  // Outputs are off for want of a model: a board that knows that nothing is near waits to be told so again.
+  void note_suspended();
   // Between updates, as often as one likes: has the builder prepare for where the tip is and will be.
   void prepare();
   // Advances the body through the ticks that are known and, near the surface, builds a model. Where there is

@@ -122,6 +122,22 @@ void expect_never_tripped(const std::vector<LoopTick>& ticks) {
   EXPECT_NEAR(again_N, first_N, 0.02 * first_N);
 }
 
+// The cable is out for two seconds: outputs go off, and come on again with what the host says once more.
+TEST(StaleModel, OutputsComeBackWhileTheTipIsStillFar) {
+  Picky down([](const palpate_ModelState_1_0&, std::uint32_t) { return false; });
+  constexpr std::uint32_t kOut = 1500, kIn = 3500;
+  LinkTroubles troubles;
+  troubles.unplugged = {{kOut, kIn}};
+  const std::vector<LoopTick> ticks = run(there_and_back(), kEnd, down, troubles);
+  const auto mode = [&](std::uint32_t tick) { return ticks.at(tick).board.mode; };
+  EXPECT_EQ(mode(kOut), kRender);
+  EXPECT_EQ(mode(kIn - 1), kSuspended);
+  EXPECT_EQ(mode(kIn + 300), kRender);
+  EXPECT_EQ(largest_N(ticks, kIn, kBack), 0.0);
+  EXPECT_EQ(ticks.back().board.faults, 0u);
+  EXPECT_GT(largest_N(ticks, kEnd - 20, kEnd), kFelt_N);
+}
+
 TEST(StaleModel, ATipThatIsFarForSecondsIsNone) {
   // Of what says so the first two are lost.
   int lost = 0;
