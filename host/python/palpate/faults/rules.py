@@ -24,8 +24,6 @@ DAMPING_FORCE_N = 1.0
 ROUNDING = 1e-4
 # A sign of life goes out this often at least: the newest before a fault may be so old, and models younger.
 SIGN_TICKS = 100
-# Of a model at the beginning of a silence: a frame of 33 ms, and what link and replay take.
-MODEL_AGE_TICKS = 100
 # Rule 3: what a late or lost model may add.
 FORCE_SLACK_N = 0.5
 

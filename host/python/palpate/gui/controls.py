@@ -33,7 +33,7 @@ _NAMES_ON_CAN = {"flip_bit": "error on the bus"}
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
 _SILENT_s = 0.5  # without a word of the board
-_OLD_MODEL_s = 0.5  # half of what a board renders before the force fades
+_OLD_MODEL_s = 0.5  # its force has faded by then; within a second more outputs go off (docs/safety.md)
 # Also for values that are typed in.
 _CLAMP = psim.ImGuiSliderFlags_AlwaysClamp
 
