@@ -1,11 +1,11 @@
 // Observer and controller of passivity in the time domain (Hannaford, Ryu, IEEE Trans. Robotics and
 // Automation 18(1), 2002): what the rendered force has given the hand and never took, damping takes back.
 //
-// Two accounts. The port's: the work of the hand on what is rendered; it begins anew where nothing is
-// touched, so that what friction has taken in one contact is no credit in the next. And the debt of model
-// corrections: what late models have given too much (docs/decisions/correction_energy.md), which friction
-// would hide in the first. A force holds from its tick to the next one, so that the first is exact; the
-// second counts forces before the supervisor's limits. Neither remembers more than what a hand feels as a
+// Two accounts. The port's: the work of the hand on what is rendered; what was taken is forgotten where
+// nothing is touched, so that what friction has taken in one contact is no credit in the next. And the debt
+// of model corrections: what late models have given too much (docs/decisions/correction_energy.md), which
+// friction would hide in the first. A force holds from its tick to the next one, so that the first is exact;
+// the second counts forces before the supervisor's limits. Neither remembers more than what a hand feels as a
 // short drag.
 #pragma once
 

@@ -12,9 +12,9 @@ namespace {
 constexpr std::uint8_t kFlagModelUsed = 4, kFlagModelSwap = 8;  // palpate.ServoSample FLAG_*
 static_assert((kTipHistory & (kTipHistory - 1)) == 0, "the history is indexed by tick modulo its length");
 
-// What a state may say of contact: offsets within the reach of the arm. Beyond, it is a fault of its sender.
-// Twice what the supervisor lets a force give at all.
+// Of one model: twice what the supervisor lets a force give before it is a fault (Limits::energy_J).
 constexpr float kMostCorrection_J = 1.0f;
+// What a state may say of contact: offsets within the reach of the arm. Beyond, it is a fault of its sender.
 constexpr float kLargestOffset_m = 1.0f;  // stretch, inset, overhang and height
 
 // False for NaN.

@@ -694,9 +694,10 @@ def _fuzz(arguments: argparse.Namespace) -> int:
             raise SceneError(f"palpate fuzz: --{name.replace('_', '-')} is {value}: must be in [1, {2**31 - 1}]")
     targets = known.TARGETS if arguments.target == "all" else (arguments.target,)
     effort = Effort(arguments.runs, arguments.time_s, arguments.seed or 1 + randbelow(2**31 - 1))
+    commit = ledger.commit() if arguments.ledger else None
     outcomes = command.run(targets, effort, arguments.keep, _progress)
-    if arguments.ledger:
-        ledger.add(outcomes, effort.seed)
+    if commit is not None:
+        ledger.add(outcomes, effort.seed, commit)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     for outcome in outcomes:
         found = "nothing found" if outcome.finding is None else f"FOUND, with {outcome.file}"

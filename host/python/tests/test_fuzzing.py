@@ -104,15 +104,22 @@ def test_time_bounds_a_run(tmp_path: Path) -> None:
 def test_what_was_executed_is_added_up(tmp_path: Path) -> None:
     file = tmp_path / "ledger.csv"
     file.write_text(",".join(ledger.COLUMNS) + "\n")
-    ledger.add([Outcome("board", 5, None, None), Outcome("can", 7, "found", None)], 3, file)
-    ledger.add([Outcome("board", 6, None, None)], 4, file)
+    ledger.add([Outcome("board", 5, None, None), Outcome("can", 7, "found", None)], 3, "89abcde", file)
+    ledger.add([Outcome("board", 6, None, None)], 4, "1234567", file)
     assert ledger.totals(file) == {"board": 11, "can": 7}
+    assert [row[1] for row in csv.reader(file.read_text().splitlines()[1:])] == ["89abcde", "89abcde", "1234567"]
     assert [row[2:] for row in csv.reader(file.read_text().splitlines()[1:])] == [
         ["board", "3", "5", "0"], ["can", "3", "7", "1"], ["board", "4", "6", "0"],
     ]
     file.write_text("a,b\n")
     with pytest.raises(ValueError, match=r"ledger.csv: its columns are \['a', 'b'\]: must be date, commit"):
         ledger.totals(file)
+
+
+def test_the_ledger_wants_a_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger, "ROOT", tmp_path)
+    with pytest.raises(RuntimeError, match="the ledger wants the commit that was fuzzed: .*not a git repository"):
+        ledger.commit()
 
 
 def test_the_page_says_what_the_ledger_holds() -> None:

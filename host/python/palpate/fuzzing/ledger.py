@@ -12,14 +12,19 @@ LEDGER = ROOT / "host/fuzz/ledger.csv"
 COLUMNS = ("date", "commit", "target", "seed", "executions", "findings")
 
 
-def add(outcomes: list[Outcome], seed: int, file: Path = LEDGER) -> None:
-    """Appends what has been executed. Raises RuntimeError outside of a repository of git."""
+def commit() -> str:
+    """That is fuzzed. Raises RuntimeError outside of a repository of git: to be asked before hours are spent."""
     done = subprocess.run(["git", "rev-parse", "--short=7", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     if done.returncode != 0:
         raise RuntimeError(f"the ledger wants the commit that was fuzzed: {done.stderr.strip()}")
+    return done.stdout.strip()
+
+
+def add(outcomes: list[Outcome], seed: int, of_commit: str, file: Path = LEDGER) -> None:
+    """Appends what has been executed."""
     with file.open("a", encoding="ascii", newline="") as out:
         for one in outcomes:
-            row = (date.today(), done.stdout.strip(), one.target, seed, one.executions, int(one.finding is not None))
+            row = (date.today(), of_commit, one.target, seed, one.executions, int(one.finding is not None))
             csv.writer(out, lineterminator="\n").writerow(row)
 
 
