@@ -29,6 +29,7 @@ struct MemoryBoard {
   std::array<std::int32_t, 3> count{};
   std::array<float, 3> current_A{};
   bool emergency_stop_open = false;
+  bool supply_low = false;
   std::atomic<std::uint32_t> now_count{kCountPerTick};  // read by interrupt and background
   std::uint32_t burn_count = 0;                         // passes within the next tick
 
@@ -45,6 +46,7 @@ struct MemoryBoard {
   std::array<std::int32_t, 3> isr_encoder_counts() { return count; }
   std::array<float, 3> isr_measured_currents_A() { return current_A; }
   bool isr_emergency_stop_open() { return emergency_stop_open; }
+  bool isr_supply_low() { return supply_low; }
   void isr_set_currents(const std::array<float, 3>& wanted_A) { setpoint_A = wanted_A; }
   void isr_enable_amplifiers(EnableKey) { enabled = true; }
   void isr_disable_amplifiers() { enabled = false; }

@@ -9,8 +9,8 @@ import pytest
 from board_peer import (
     ACTUATOR_FRAME, ARM_CONFIRM, ARM_REQUEST, BoardInfo, CLEAR_FAULT, CRASH, DISARM, EMERGENCY_STOP,
     EXIT_PEER_CLOSED, EXIT_PROCESSOR_FAULT, EXIT_PROTOCOL_ERROR, EXIT_SHUTDOWN, FAULT_EMERGENCY_STOP,
-    FAULT_ENCODER_JUMP, FAULT_STOP_COMMAND, FORM_FULL, FORM_TIP, LinkCodec, LinkFrame, LinkReader, Lockstep, MODE_BOOT,
-    MODE_FAULT, MODE_IDLE, MODE_RENDER, OK, PORT_UNKNOWN, SCHEMA_MISMATCH, STOP, TOKEN_WRONG, lockstep, parse_status,
+    FAULT_ENCODER_JUMP, FAULT_STOP_COMMAND, FAULT_SUPPLY_LOW, FORM_FULL, FORM_TIP, LinkCodec, LinkFrame, LinkReader, Lockstep, MODE_BOOT,
+    MODE_FAULT, MODE_IDLE, MODE_RENDER, OK, PORT_UNKNOWN, SCHEMA_MISMATCH, STOP, SUPPLY_LOW, TOKEN_WRONG, lockstep, parse_status,
     parse_tips, parse_trace, square_model,
 )
 
@@ -141,6 +141,15 @@ def test_emergency_stop_acts_in_its_tick_and_latches(board):
     assert frame["enabled"] == 0 and not frame["setpoint_A"].any()
     frame = board.run(50)
     assert (frame["mode"], frame["faults"]) == (MODE_FAULT, FAULT_EMERGENCY_STOP)
+    assert board.answer(LinkCodec.command(3, CLEAR_FAULT), LinkCodec.COMMAND).payload[:2] == bytes([OK, MODE_IDLE])
+
+
+def test_a_low_supply_acts_in_its_tick_and_latches(board):
+    arm(board)
+    frame = board.tick(flags=SUPPLY_LOW)
+    assert frame["enabled"] == 0 and not frame["setpoint_A"].any()
+    frame = board.run(50)
+    assert (frame["mode"], frame["faults"]) == (MODE_FAULT, FAULT_SUPPLY_LOW)
     assert board.answer(LinkCodec.command(3, CLEAR_FAULT), LinkCodec.COMMAND).payload[:2] == bytes([OK, MODE_IDLE])
 
 

@@ -3,7 +3,7 @@ cannot be armed. Nothing here has run on silicon."""
 
 import pytest
 from board_peer import (
-    ARM_CONFIRM, ARM_REQUEST, CALIBRATE, CLEAR_FAULT, FAULT_EMERGENCY_STOP, MODE_FAULT, OK, REPOSITORY, BoardInfo, parse_status,
+    ARM_CONFIRM, ARM_REQUEST, CALIBRATE, CLEAR_FAULT, FAULT_EMERGENCY_STOP, FAULT_SUPPLY_LOW, MODE_FAULT, OK, REPOSITORY, BoardInfo, parse_status,
 )  # fmt: skip
 from link_codec import LinkCodec, LinkFrame, LinkReader
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason=f"the image for {BOAR
 
 MILLISECOND = CLOCK_Hz // 1000
 ENABLE, EMERGENCY_STOP = 6, 7  # pins of port C
-FAULT_NOT_A_NUMBER = 4
+FAULTS_WITHOUT_DRIVERS = 4 | FAULT_SUPPLY_LOW  # not_a_number: nobody measures currents, nor watches the supply
 RECORD_PROCESSOR = 1
 
 
@@ -107,19 +107,19 @@ def test_says_who_it_is(board: Board) -> None:
 def test_cannot_be_armed(board: Board) -> None:
     """Not by a host that asks no matter what the board is called."""
     status = board.status()
-    assert (status["mode"], status["faults"]) == (MODE_FAULT, FAULT_NOT_A_NUMBER)
+    assert (status["mode"], status["faults"]) == (MODE_FAULT, FAULTS_WITHOUT_DRIVERS)
     assert status["missed_deadlines"] == 0 and status["clock_Hz"] == CLOCK_Hz // 2
     for action in (CLEAR_FAULT, CALIBRATE, ARM_REQUEST, ARM_CONFIRM):
         assert board.command(action) != OK, action
     status = board.status()
-    assert (status["mode"], status["faults"], status["token"]) == (MODE_FAULT, FAULT_NOT_A_NUMBER, 0)
+    assert (status["mode"], status["faults"], status["token"]) == (MODE_FAULT, FAULTS_WITHOUT_DRIVERS, 0)
     assert board.enables <= {None, False} and board.part.gpio["C"].driven(ENABLE) is False
 
 
 def test_a_broken_wire_of_the_emergency_stop_is_seen(board: Board) -> None:
     assert not board.status()["faults"] & FAULT_EMERGENCY_STOP
     board.part.gpio["C"].outside[EMERGENCY_STOP] = None
-    assert board.status()["faults"] == FAULT_NOT_A_NUMBER | FAULT_EMERGENCY_STOP
+    assert board.status()["faults"] == FAULTS_WITHOUT_DRIVERS | FAULT_EMERGENCY_STOP
 
 
 def test_the_watchdog_bites_when_the_tick_stops() -> None:

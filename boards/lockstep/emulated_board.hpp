@@ -18,7 +18,8 @@ namespace palpate::board {
 template <class P>
 concept Platform = requires(P& platform, const P& constant, std::span<std::byte> in,
                             std::span<const std::byte> out, firmware::LinkBuffers& link) {
-  // False: there is no plant; encoders and currents read zero, and the link is a line of the platform's own.
+  // False: there is no plant; encoders read zero, currents as wanted, and the link is a line of the
+  // platform's own.
   { constant.has_plant() } -> std::same_as<bool>;
   // Blocks until all bytes are there; false at the end of the stream. Interrupt context.
   { platform.read_sensors(in) } -> std::same_as<bool>;
@@ -104,10 +105,15 @@ class EmulatedBoard {
     if (shutdown) platform_.exit(lockstep::ExitCode::shutdown);
   }
 
-  // EncoderPort, AmplifierPort, EmergencyStopPort
+  // EncoderPort, AmplifierPort, EmergencyStopPort, SupplyPort
   std::array<std::int32_t, 3> isr_encoder_counts() const { return frames_.sensors.encoder_count; }
-  std::array<float, 3> isr_measured_currents_A() const { return frames_.sensors.current_A; }
+  // Without a plant the amplifiers are ideal.
+  std::array<float, 3> isr_measured_currents_A() const {
+    if (platform_.has_plant()) return frames_.sensors.current_A;
+    return enabled_ ? setpoint_A_ : std::array<float, 3>{};
+  }
   bool isr_emergency_stop_open() const { return (frames_.sensors.flags & lockstep::kEmergencyStop) != 0; }
+  bool isr_supply_low() const { return (frames_.sensors.flags & lockstep::kSupplyLow) != 0; }
   void isr_set_currents(const std::array<float, 3>& setpoint_A) { setpoint_A_ = setpoint_A; }
   void isr_enable_amplifiers(firmware::EnableKey) { enabled_ = true; }
   void isr_disable_amplifiers() { enabled_ = false; }

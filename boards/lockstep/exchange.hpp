@@ -31,6 +31,7 @@ enum SensorFlag : std::uint32_t {
   // Test input: start again, as after a moment without power. There is no ActuatorFrame for this SensorFrame;
   // the board reads another one next, of its new tick 0.
   kReset = 1u << 4,
+  kSupplyLow = 1u << 5,  // of the board's electronics
 };
 
 // What the board's process ends with.

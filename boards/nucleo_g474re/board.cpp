@@ -39,6 +39,7 @@ void NucleoG474re::begin() {
   for (const AlternatePin& one : kEncoderPins) stm32g4::set_alternate(one, Pull::up);
   stm32g4::Encoders::start();
   stm32g4::CurrentMonitors::start();
+  stm32g4::SupplyMonitor::start();
   wire_.begin();
   stm32g4::require(stm32g4::start_watchdog(), stm32g4::IWDG[stm32g4::iwdg::SR]);
 }
@@ -46,6 +47,7 @@ void NucleoG474re::begin() {
 void NucleoG474re::isr_begin_tick(std::uint32_t tick) {
   encoders_.isr_latch(palpate_encoder_index);
   monitors_.isr_latch();
+  supply_.isr_latch();
   emergency_stop_open_ = stm32g4::is_high(kEmergencyStopPin);
   guard_.isr_begin_tick(tick);
 }

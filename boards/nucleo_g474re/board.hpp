@@ -13,6 +13,7 @@
 #include "boards/stm32g4/clock.hpp"
 #include "boards/stm32g4/currents.hpp"
 #include "boards/stm32g4/encoders.hpp"
+#include "boards/stm32g4/supply.hpp"
 #include "boards/stm32g4/timebase.hpp"
 #include "firmware/ports/ports.hpp"
 
@@ -43,10 +44,11 @@ class NucleoG474re {
   void isr_begin_tick(std::uint32_t tick);
   void isr_end_tick(const firmware::TickReport& report);
 
-  // EncoderPort, AmplifierPort, EmergencyStopPort
+  // EncoderPort, AmplifierPort, EmergencyStopPort, SupplyPort
   [[nodiscard]] std::array<std::int32_t, 3> isr_encoder_counts() const { return encoders_.isr_counts(); }
   [[nodiscard]] std::array<float, 3> isr_measured_currents_A() const { return monitors_.isr_currents_A(); }
   [[nodiscard]] bool isr_emergency_stop_open() const { return emergency_stop_open_; }
+  [[nodiscard]] bool isr_supply_low() const { return supply_.isr_is_low(); }
   void isr_set_currents(const std::array<float, 3>& setpoint_A);
   void isr_enable_amplifiers(firmware::EnableKey key);
   void isr_disable_amplifiers();
@@ -73,6 +75,7 @@ class NucleoG474re {
   stm32g4::Encoders encoders_;
   stm32g4::CurrentSetpoints setpoints_;
   stm32g4::CurrentMonitors monitors_;
+  stm32g4::SupplyMonitor supply_;
   BoardWire wire_;
 
   stm32g4::TickGuard guard_;

@@ -18,6 +18,8 @@ class NoArm {
     constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
     return {kUnknown, kUnknown, kUnknown};
   }
+  // Nobody watches the supply: that counts as low.
+  [[nodiscard]] bool isr_supply_low() const { return true; }
   [[nodiscard]] std::array<std::int32_t, 3> isr_encoder_counts() const { return {}; }
   void isr_set_currents(const std::array<float, 3>&) {}
   // Not even with a key: there are no set-points that would be 0 A.

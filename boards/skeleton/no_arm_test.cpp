@@ -53,6 +53,7 @@ class NoArmTest : public ::testing::Test {
   void expect_a_fault_and_outputs_off() const {
     EXPECT_EQ(board_->rest.report.mode, static_cast<std::uint32_t>(firmware::Mode::fault));
     EXPECT_TRUE(board_->rest.report.faults & firmware::bit(firmware::Fault::not_a_number));
+    EXPECT_TRUE(board_->rest.report.faults & firmware::bit(firmware::Fault::supply_low));
     EXPECT_EQ(board_->disables, ticks_);
   }
 

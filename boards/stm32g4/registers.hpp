@@ -82,10 +82,14 @@ inline constexpr Base PWR{0x40007000};
 namespace pwr {
 inline constexpr Offset CR1{0x00};
 inline constexpr Bits CR1_VOS{9, 2};
+inline constexpr Offset CR2{0x04};
+inline constexpr Bits CR2_PVDE{0};
+inline constexpr Bits CR2_PVDLS{1, 3};
 inline constexpr Offset CR3{0x08};
 inline constexpr Bits CR3_UCPD1_DBDIS{14};
 inline constexpr Offset SR2{0x14};
 inline constexpr Bits SR2_VOSF{10};
+inline constexpr Bits SR2_PVDO{11};
 inline constexpr Offset CR5{0x80};
 inline constexpr Bits CR5_R1MODE{8};
 }  // namespace pwr

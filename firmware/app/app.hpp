@@ -89,7 +89,8 @@ void App<Board>::isr_tick() {
                                               .worst_tick_count = deadlines_.worst_tick_count()},
                                              {.count = board_.isr_encoder_counts(),
                                               .measured_current_A = board_.isr_measured_currents_A(),
-                                              .emergency_stop_open = board_.isr_emergency_stop_open()});
+                                              .emergency_stop_open = board_.isr_emergency_stop_open(),
+                                              .supply_low = board_.isr_supply_low()});
   outputs_.isr_apply(output.outputs_on, output.setpoint_A);
 
   new_missed_deadlines_ = deadlines_.isr_check(board_.clock_count());

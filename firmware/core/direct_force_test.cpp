@@ -297,7 +297,7 @@ TEST_F(DirectDevice, TheHandFeelsTheForceThatWasSent) {
   EXPECT_TRUE(output_.outputs_on);
   EXPECT_EQ(output_.force_N, -force_N);  // of the tip on the body
   const device::Pose pose = device::evaluate(kDevice, {});
-  const CurrentLimit expected = reaction_currents(kDevice, pose, -force_N, limits_);
+  const CurrentLimit expected = reaction_currents(kDevice, pose, -force_N, limits_.motor_current_A);
   EXPECT_EQ(output_.setpoint_A, expected.setpoint_A);
 }
 

@@ -34,6 +34,7 @@ inline constexpr std::array kTickRanges{
     LimitRange<std::uint32_t>{"direct_lost_ticks", &Limits::direct_lost_ticks, 200, 5000},
     LimitRange<std::uint32_t>{"calibration_ticks", &Limits::calibration_ticks, 50, 1000},
     LimitRange<std::uint32_t>{"over_current_ticks", &Limits::over_current_ticks, 1, 20},
+    LimitRange<std::uint32_t>{"current_tracking_ticks", &Limits::current_tracking_ticks, 1, 50},
     // One deadline in 20 ticks may be missed for ever, not more.
     LimitRange<std::uint32_t>{"missed_deadline_weight", &Limits::missed_deadline_weight, 20, 1000},
     LimitRange<std::uint32_t>{"missed_deadline_bucket", &Limits::missed_deadline_bucket, 1, 1000},
@@ -57,9 +58,31 @@ inline constexpr std::array kNumberRanges{
     LimitRange<float>{"joint_step_rad", &Limits::joint_step_rad, 0.001f, 0.2f},
     LimitRange<float>{"tip_speed_m_s", &Limits::tip_speed_m_s, 0.1f, 10.0f},
     LimitRange<float>{"over_current_ratio", &Limits::over_current_ratio, 1.0f, 3.0f},
+    LimitRange<float>{"current_tracking_A", &Limits::current_tracking_A, 0.1f, 5.0f},
+    LimitRange<float>{"winding_share", &Limits::winding_share, 0.05f, 0.9f},
+    LimitRange<float>{"winding_s", &Limits::winding_s, 1.0f, 100.0f},
+    LimitRange<float>{"housing_s", &Limits::housing_s, 10.0f, 10'000.0f},
+    LimitRange<float>{"heat_fold", &Limits::heat_fold, 0.1f, 0.95f},
+    LimitRange<float>{"heat_fault", &Limits::heat_fault, 1.02f, 1.5f},
+    LimitRange<float>{"heat_at_start", &Limits::heat_at_start, 0.0f, 1.0f},
 };
 inline constexpr std::int32_t kMostCalibrationMotion_count = 10;
 inline constexpr float kMostMotorCurrent_A = 50.0f;
+
+// How far the force may move in a tick by heat alone: by the share of the currents that folding takes while
+// the motors heat with the largest current that is no fault.
+inline constexpr float kMostFold_N = 0.5f;
+constexpr bool folds_smoothly(const Limits& limits) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const float peak_A = limits.motor_current_A[i], continuous_A = limits.motor_continuous_A[i];
+    const float ratio = limits.over_current_ratio * peak_A / continuous_A;
+    const float heat_per_tick = limits.winding_share * ratio * ratio * 1e-3f / limits.winding_s;
+    const float fold_per_tick = heat_per_tick / (1.0f - limits.heat_fold);
+    if (limits.peak_force_N * fold_per_tick * (peak_A - continuous_A) / continuous_A > kMostFold_N)
+      return false;
+  }
+  return true;
+}
 
 // Deadlines in a row that may be missed.
 inline constexpr std::uint32_t kMostMissedDeadlines = 10;
@@ -86,6 +109,8 @@ constexpr std::string_view bad_limit(const Limits& limits) {
     return "calibration_motion_count";
   for (const float current_A : limits.motor_current_A)
     if (!(current_A > 0.0f && current_A <= kMostMotorCurrent_A)) return "motor_current_A";
+  for (const float current_A : limits.motor_continuous_A)
+    if (!(current_A > 0.0f && current_A <= kMostMotorCurrent_A)) return "motor_continuous_A";
   if (limits.peak_force_N > limits.force_fault_N) return "force_fault_N";    // a fault of what is allowed
   if (limits.direct_force_N > limits.peak_force_N) return "direct_force_N";  // any program may send one
   if (limits.direct_hold_ticks + limits.direct_fade_ticks > limits.direct_lost_ticks)
@@ -93,6 +118,7 @@ constexpr std::string_view bad_limit(const Limits& limits) {
   if (limits.missed_deadline_bucket > kMostMissedDeadlines * limits.missed_deadline_weight)
     return "missed_deadline_bucket";
   if (!lost_after_off(limits)) return "link_lost_ticks";
+  if (!folds_smoothly(limits)) return "heat_fold";
   return {};
 }
 

@@ -52,6 +52,14 @@ TEST(LimitRanges, LimitsMustGoTogether) {
             "link_lost_ticks");
   EXPECT_EQ(bad_limit({.calibration_motion_count = -1}), "calibration_motion_count");
   EXPECT_EQ(bad_limit({.motor_current_A = {1.0f, 0.0f, 1.0f}}), "motor_current_A");
+  EXPECT_EQ(bad_limit({.motor_current_A = {1.0f, 1.0f, 50.5f}}), "motor_current_A");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {0.0f, 1.0f, 1.0f}}), "motor_continuous_A");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {1.3f, 1.3f, NAN}}), "motor_continuous_A");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {1.3f, 1.3f, 50.5f}}), "motor_continuous_A");
+  // The currents of a hotter part would fold within too few ticks.
+  EXPECT_EQ(bad_limit({.winding_s = 8.0f}), "");
+  EXPECT_EQ(bad_limit({.winding_s = 7.0f}), "heat_fold");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {1.24f, 1.24f, 0.9f}}), "heat_fold");
 }
 
 // Ticks until a board whose servo misses a deadline in each `period_ticks` switches off; most if it does not.

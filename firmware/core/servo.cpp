@@ -28,13 +28,13 @@ bool moved(const device::EncoderCounts& from, const device::EncoderCounts& to, s
 }  // namespace
 
 CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
-                               const Vec3f& force_N, const Limits& limits) {
+                               const Vec3f& force_N, const std::array<float, 3>& largest_A) {
   const Vec3f torque_N_m = device::joint_torque(pose, -force_N) + pose.gravity_torque_N_m;
   const device::CurrentSetpoints currents = device::motor_currents(device, torque_N_m);
   // Scale 0 is how motor_currents() reports what is not finite; its own zeros would pass for a command.
   if (!(currents.scale > 0.0f)) return {.finite = false};
   CurrentLimit result =
-      limit_currents({currents.current_A.x, currents.current_A.y, currents.current_A.z}, limits);
+      limit_currents({currents.current_A.x, currents.current_A.y, currents.current_A.z}, largest_A);
   result.limited = result.limited || currents.scale < 1.0f;
   return result;
 }
@@ -46,7 +46,12 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   in.elapsed_ticks = timing.elapsed_ticks;
   in.missed_deadlines = timing.new_missed_deadlines;
   in.emergency_stop_open = sensors.emergency_stop_open;
+  in.supply_low = sensors.supply_low;
   in.measured_current_A = sensors.measured_current_A;
+  for (std::size_t i = 0; i < 3; ++i)
+    in.current_error_A =
+        std::max(in.current_error_A, std::fabs(sensors.measured_current_A[i] - setpoint_A_[i]));
+  in.hottest_motor = hottest(heat_, limits_);
   const float elapsed = static_cast<float>(timing.elapsed_ticks);
   if (have_counts_) {
     const Vec3f step_rad = device::joint_angles(device_, sensors.count, previous_count_);
@@ -159,6 +164,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
 
   take_direct_forces(timing.elapsed_ticks);
   listen_to_host(timing.elapsed_ticks);
+  warm(heat_, setpoint_A_, sensors.measured_current_A, timing.elapsed_ticks, limits_);
   SupervisorInputs in = gather(timing, sensors, pose, output.sample);
   CommandRequest request;
   const bool commanded = take_command(request);
@@ -167,7 +173,8 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
 
   Decision decision = supervise(state_, in, limits_, challenge_seed_);
   if (decision.outputs_on) {
-    const CurrentLimit currents = reaction_currents(device_, pose, decision.state.force_N, limits_);
+    const CurrentLimit currents =
+        reaction_currents(device_, pose, decision.state.force_N, bearable_currents_A(heat_, limits_));
     output.setpoint_A = currents.setpoint_A;
     decision.force_limited = decision.force_limited || currents.limited;
     if (!currents.finite) decision = trip(decision, Fault::not_a_number);
@@ -199,6 +206,7 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
   post_device(timing, pose);
 
   if (!decision.outputs_on) output.setpoint_A = {};
+  setpoint_A_ = output.setpoint_A;
   output.outputs_on = decision.outputs_on;
   output.force_N = state_.force_N;
   output.mode = state_.mode;

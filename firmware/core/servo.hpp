@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "firmware/core/mailbox.hpp"
+#include "firmware/core/motor_heat.hpp"
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/supervisor.hpp"
 #include "shared/device/arm.hpp"
@@ -35,6 +36,7 @@ struct ServoSensors {
   device::EncoderCounts count{};
   std::array<float, 3> measured_current_A{};
   bool emergency_stop_open = false;
+  bool supply_low = false;
 };
 
 struct ServoOutput {
@@ -49,7 +51,7 @@ struct ServoOutput {
 // Set-points of the motors that make the tip push with -force_N against the hand, the reaction to the force
 // of the tip on the body, and carry the arm's weight. Any context.
 CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
-                               const Vec3f& force_N, const Limits& limits);
+                               const Vec3f& force_N, const std::array<float, 3>& largest_A);
 
 class Servo {
  public:
@@ -60,7 +62,8 @@ class Servo {
         limits_(limits),
         challenge_seed_(challenge_seed),
         renderer_(renderer),
-        mailbox_(mailbox) {}
+        mailbox_(mailbox),
+        heat_(heat_at_start(limits)) {}
 
   // Interrupt context, once per servo tick.
   ServoOutput isr_tick(const ServoTiming& timing, const ServoSensors& sensors);
@@ -93,6 +96,8 @@ class Servo {
 
   // Interrupt's own.
   SupervisorState state_{};
+  MotorHeat heat_;
+  std::array<float, 3> setpoint_A_{};        // of the last tick
   device::EncoderCounts reference_count_{};  // in the reference pose
   device::EncoderCounts previous_count_{};
   device::EncoderCounts rest_count_{};  // at the start of a calibration

@@ -16,6 +16,7 @@ namespace palpate::firmware {
 namespace {
 
 const device::Parameters& kDevice = device::kPremium15;
+constexpr std::array<float, 3> kLargest_A = kDefaultLimits.motor_current_A;
 // float32 through sines, a 3x3 product and its solution, on torques of some 0.1 N m.
 constexpr float kForceRounding_N = 1e-4f;
 
@@ -40,7 +41,7 @@ TEST(ReactionCurrents, PushTheTipAgainstTheForceOnTheBody) {
   for (const Vec3f& joint_rad : {Vec3f{0, 0, 0}, Vec3f{0.5f, 0.4f, 0.3f}, Vec3f{-0.7f, 0.2f, 0.9f}}) {
     const device::Pose pose = device::evaluate(kDevice, joint_rad);
     for (const Vec3f& force_N : {Vec3f{1, 0, 0}, Vec3f{0, -2, 0}, Vec3f{0.3f, 0.4f, -1.5f}}) {
-      const CurrentLimit result = reaction_currents(kDevice, pose, force_N, {});
+      const CurrentLimit result = reaction_currents(kDevice, pose, force_N, kLargest_A);
       ASSERT_TRUE(result.finite);
       ASSERT_FALSE(result.limited);
       const Vec3f exerted_N = tip_force(pose, result.setpoint_A);
@@ -51,16 +52,16 @@ TEST(ReactionCurrents, PushTheTipAgainstTheForceOnTheBody) {
 
 TEST(ReactionCurrents, CarryTheArmWithoutForce) {
   const device::Pose pose = device::evaluate(kDevice, {0.1f, 0.2f, 0.3f});
-  const CurrentLimit result = reaction_currents(kDevice, pose, {}, {});
+  const CurrentLimit result = reaction_currents(kDevice, pose, {}, kLargest_A);
   EXPECT_GT(std::fabs(result.setpoint_A[1]), 0.0f);
   EXPECT_LT(norm(tip_force(pose, result.setpoint_A)), kForceRounding_N);
 }
 
 TEST(ReactionCurrents, StayWithinLimits) {
   const device::Pose pose = device::evaluate(kDevice, {0.1f, 0.2f, 0.3f});
-  const Limits limits{.motor_current_A = {0.5f, 0.5f, 0.5f}};
   for (const float force_N : {5.0f, 50.0f}) {  // beyond the limits; beyond those of the device, too
-    const CurrentLimit result = reaction_currents(kDevice, pose, {force_N, force_N, force_N}, limits);
+    const CurrentLimit result =
+        reaction_currents(kDevice, pose, {force_N, force_N, force_N}, {0.5f, 0.5f, 0.5f});
     EXPECT_TRUE(result.limited);
     for (const float current_A : result.setpoint_A) EXPECT_LE(std::fabs(current_A), 0.5f);
   }
@@ -68,8 +69,8 @@ TEST(ReactionCurrents, StayWithinLimits) {
 
 TEST(ReactionCurrents, NotFiniteIsReported) {
   const device::Pose pose = device::evaluate(kDevice, {});
-  EXPECT_FALSE(reaction_currents(kDevice, pose, {NAN, 0, 0}, {}).finite);
-  EXPECT_FALSE(reaction_currents(kDevice, pose, {0, INFINITY, 0}, {}).finite);
+  EXPECT_FALSE(reaction_currents(kDevice, pose, {NAN, 0, 0}, kLargest_A).finite);
+  EXPECT_FALSE(reaction_currents(kDevice, pose, {0, INFINITY, 0}, kLargest_A).finite);
 }
 
 class ServoTest : public ::testing::Test {
@@ -77,6 +78,7 @@ class ServoTest : public ::testing::Test {
   ServoOutput tick(std::uint32_t elapsed = 1) {
     timing_.elapsed_ticks = elapsed;
     const ServoOutput output = servo_->isr_tick(timing_, sensors_);
+    sensors_.measured_current_A = output.setpoint_A;  // of ideal amplifiers
     timing_.tick += 1;
     return output;
   }

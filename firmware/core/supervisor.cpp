@@ -49,6 +49,7 @@ void enter(SupervisorState& state, Mode mode) {
 FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
   FaultSet faults = 0;
   if (in.emergency_stop_open) faults |= bit(Fault::emergency_stop);
+  if (in.supply_low) faults |= bit(Fault::supply_low);
   if (in.command.action == Action::stop) faults |= bit(Fault::stop_command);
   if (!is_finite(in.tip_m) || !is_finite(in.force_N) || !is_finite(in.direct_force_N) ||
       !finite(in.measured_current_A) || !std::isfinite(in.joint_step_rad) ||
@@ -58,6 +59,7 @@ FaultSet faults_always(const SupervisorState& state, const SupervisorInputs& in,
   }
   if (in.joint_step_rad > limits.joint_step_rad) faults |= bit(Fault::encoder_jump);
   if (state.over_current_ticks >= limits.over_current_ticks) faults |= bit(Fault::over_current);
+  if (!(in.hottest_motor <= limits.heat_fault)) faults |= bit(Fault::motor_heat);
   return faults;
 }
 
@@ -72,6 +74,7 @@ FaultSet faults_of_rendering(const SupervisorState& state, const SupervisorInput
   if (state.missed_deadline_level > limits.missed_deadline_bucket) faults |= bit(Fault::deadline_missed);
   if (state.energy_J > (state.mode == Mode::direct ? limits.direct_energy_J : limits.energy_J))
     faults |= bit(Fault::energy_created);
+  if (state.tracking_ticks >= limits.current_tracking_ticks) faults |= bit(Fault::current_tracking);
   return faults;
 }
 
@@ -82,6 +85,12 @@ void count_over_current(SupervisorState& state, const SupervisorInputs& in, cons
         over || std::fabs(in.measured_current_A[i]) > limits.motor_current_A[i] * limits.over_current_ratio;
   }
   state.over_current_ticks = over ? saturating_add(state.over_current_ticks, in.elapsed_ticks) : 0;
+}
+
+// Outputs were on since the last tick: what is measured belongs to its set-points.
+void count_tracking(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  const bool strays = outputs_on(state.mode) && in.current_error_A > limits.current_tracking_A;
+  state.tracking_ticks = strays ? saturating_add(state.tracking_ticks, in.elapsed_ticks) : 0;
 }
 
 void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
@@ -322,6 +331,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
     if (state.token_age_ticks > limits.arming_window_ticks) state.token = 0;
   }
   count_over_current(state, in, limits);
+  count_tracking(state, in, limits);
   count_deadlines(state, in, limits);
   count_energy(state, in, limits);
   observe_passivity(state, in, limits);
@@ -384,7 +394,7 @@ Decision trip(Decision decision, Fault fault) {
   return decision;
 }
 
-CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const Limits& limits) {
+CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const std::array<float, 3>& largest_A) {
   CurrentLimit result;
   if (!finite(wanted_A)) {
     result.finite = false;
@@ -393,8 +403,8 @@ CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const Limits& 
   float scale = 1.0f;
   for (std::size_t i = 0; i < 3; ++i) {
     const float magnitude_A = std::fabs(wanted_A[i]);
-    if (magnitude_A > limits.motor_current_A[i]) {
-      const float fit = limits.motor_current_A[i] / magnitude_A;
+    if (magnitude_A > largest_A[i]) {
+      const float fit = largest_A[i] / magnitude_A;
       if (fit < scale) scale = fit;
     }
   }

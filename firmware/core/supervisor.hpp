@@ -50,6 +50,9 @@ enum class Fault : std::uint16_t {
   deadline_missed = 1u << 8,    // too many servo ticks came late, while outputs were on
   link_lost = 1u << 9,          // the host that armed has been silent for too long
   energy_created = 1u << 10,    // the force has given the hand more than what it stands for can hold
+  motor_heat = 1u << 11,        // a motor goes on heating beyond what the folded currents allow
+  current_tracking = 1u << 12,  // an amplifier does not follow its set-point, while outputs were on
+  supply_low = 1u << 13,        // of the board's own electronics
 };
 
 using FaultSet = std::uint16_t;
@@ -152,6 +155,27 @@ struct Limits {
   float over_current_ratio = 1.5f;
   std::uint32_t over_current_ticks = 5;
 
+  // Measured current less the set-point that it belongs to, for as many ticks in a row, while outputs are on.
+  // Within 0.5 N a tick a set-point moves by 0.73 A at most: an amplifier of 150 Hz lags that by 0.47 A;
+  // set-point and monitor may be wrong by 5 % of 7 A each (docs/safety.md).
+  float current_tracking_A = 1.5f;
+  std::uint32_t current_tracking_ticks = 10;
+
+  // Of the motors' heat (motor_heat.hpp; docs/sources.md has where the numbers come from): the current that
+  // they bear for ever, what share of the heat is the winding's above its housing, and the time constants of
+  // both.
+  std::array<float, 3> motor_continuous_A{1.24f, 1.24f, 1.24f};
+  float winding_share = 0.25f;
+  float winding_s = 12.0f;
+  float housing_s = 900.0f;
+  // Of heat, which is 1 at the highest temperature of a winding: from here on the largest currents fold back
+  // to the continuous ones, which they are at 1. 8 N last 1.4 s until then.
+  float heat_fold = 0.8f;
+  // Folded currents never lead here: something else heats.
+  float heat_fault = 1.1f;
+  // Of the housings, after a reset: 0 cold, 1 as warm as the continuous current makes them.
+  float heat_at_start = 0.0f;
+
   // A bucket that each missed deadline fills and each tick drains by one. It runs over at the sixth missed
   // within half a second: by then the force belongs to where the tip was.
   std::uint32_t missed_deadline_weight = 100;
@@ -172,6 +196,7 @@ struct SupervisorState {
   bool token_is_direct = false;             // to Mode::direct, not to Mode::render
   std::uint16_t token_node = 0;             // that asked for it
   std::uint32_t over_current_ticks = 0;     // in a row
+  std::uint32_t tracking_ticks = 0;         // likewise
   std::uint32_t missed_deadline_level = 0;  // the bucket
   bool position_trusted = true;             // false after an encoder jump, until a calibration
   Vec3f force_N{};                          // as rendered in the last tick
@@ -190,6 +215,7 @@ struct SupervisorInputs {
   std::uint32_t elapsed_ticks = 1;     // since the last call; more than 1 after lost ticks
   std::uint32_t missed_deadlines = 0;  // since the last call
   bool emergency_stop_open = false;
+  bool supply_low = false;
   Command command{};               // at most one per tick
   std::uint16_t command_node = 0;  // that sent it
   // Sensors and kinematics.
@@ -199,8 +225,10 @@ struct SupervisorInputs {
   bool inside_workspace = true;
   bool at_rest = true;  // no joint moved by more than calibration_motion_count since calibration began
   std::array<float, 3> measured_current_A{};
-  Vec3f tip_step_m{};        // since the last call; zero where it is not known
-  Vec3f tip_velocity_m_s{};  // estimated between counts; zero where nothing asks for it
+  float current_error_A = 0;  // the largest difference from the set-point that it belongs to
+  float hottest_motor = 0;    // heat (motor_heat.hpp): 1 is the highest temperature of a winding
+  Vec3f tip_step_m{};         // since the last call; zero where it is not known
+  Vec3f tip_velocity_m_s{};   // estimated between counts; zero where nothing asks for it
   // Since the host that armed was heard.
   std::uint32_t link_age_ticks = 0;
   // Local model.
@@ -246,13 +274,13 @@ Decision supervise(const SupervisorState& state, const SupervisorInputs& inputs,
 // tick.
 Decision trip(Decision decision, Fault fault);
 
-// Set-points within limits.motor_current_A. All three shrink by one factor, so the force keeps its direction.
+// Set-points within the largest ones. All three shrink by one factor, so the force keeps its direction.
 // Returns false, and zeros, when one is not finite.
 struct CurrentLimit {
   std::array<float, 3> setpoint_A{};
   bool limited = false;
   bool finite = true;
 };
-CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const Limits& limits);
+CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const std::array<float, 3>& largest_A);
 
 }  // namespace palpate::firmware

@@ -217,6 +217,10 @@ std::vector<Condition> conditions() {
          b.in.measured_current_A[2] = -1.01f * b.limits.over_current_ratio * b.limits.motor_current_A[2];
          b.limits.over_current_ticks = 1;
        }},
+      {"motor heat", bit(Fault::motor_heat), false,
+       [](Board& b) { b.in.hottest_motor = std::nextafter(b.limits.heat_fault, 2.0f); }},
+      {"unknown motor heat", bit(Fault::motor_heat), false, [](Board& b) { b.in.hottest_motor = kNan; }},
+      {"supply low", bit(Fault::supply_low), false, [](Board& b) { b.in.supply_low = true; }},
       {"over-speed", bit(Fault::over_speed), true,
        [](Board& b) { b.in.tip_speed_m_s = std::nextafter(b.limits.tip_speed_m_s, 10.0f); }},
       {"outside workspace", bit(Fault::outside_workspace), true,
@@ -347,6 +351,35 @@ TEST(Faults, OverCurrentMustLast) {
   board.in.measured_current_A[0] = much_A;
   board.steps(board.limits.over_current_ticks);
   EXPECT_EQ(board.state.faults, bit(Fault::over_current));
+}
+
+TEST(Faults, CurrentTrackingMustLastWhileOutputsAreOn) {
+  Board board;
+  board.in.current_error_A = 100.0f;
+  board.boot();
+  board.steps(1000);  // off: a motor that a hand turns feeds its amplifier
+  ASSERT_EQ(board.state.faults, 0);
+  board.command(Action::arm_confirm, board.challenge());
+  ASSERT_TRUE(board.last.outputs_on);
+  for (int i = 0; i < 20; ++i) {
+    board.in.current_error_A = 100.0f;
+    board.steps(board.limits.current_tracking_ticks - 1);
+    board.in.current_error_A = board.limits.current_tracking_A;
+    board.step();
+    ASSERT_TRUE(board.last.outputs_on);
+  }
+  board.in.current_error_A = std::nextafter(board.limits.current_tracking_A, 2.0f);
+  board.steps(board.limits.current_tracking_ticks);
+  EXPECT_EQ(board.state.faults, bit(Fault::current_tracking));
+  EXPECT_EQ(board.command(Action::clear_fault).outcome.status, Status::ok);
+}
+
+TEST(Faults, CurrentTrackingCountsLostTicks) {
+  Board board;
+  board.arm();
+  board.in.current_error_A = 2.0f;
+  board.in.elapsed_ticks = board.limits.current_tracking_ticks;
+  EXPECT_EQ(board.step().state.faults, bit(Fault::current_tracking));
 }
 
 TEST(Faults, SingleMissedDeadlinesAreForgiven) {
@@ -535,11 +568,11 @@ TEST(Force, NoHorizonIsBeyondTheBoards) {
 
 TEST(Currents, ShrinkTogether) {
   const Limits limits{.motor_current_A = {1.0f, 2.0f, 4.0f}};
-  const CurrentLimit result = limit_currents({-2.0f, 1.0f, 1.0f}, limits);
+  const CurrentLimit result = limit_currents({-2.0f, 1.0f, 1.0f}, limits.motor_current_A);
   EXPECT_TRUE(result.limited);
   EXPECT_FLOAT_EQ(result.setpoint_A[0], -1.0f);
   EXPECT_FLOAT_EQ(result.setpoint_A[1], 0.5f);
-  const CurrentLimit free = limit_currents({1.0f, -2.0f, 4.0f}, limits);
+  const CurrentLimit free = limit_currents({1.0f, -2.0f, 4.0f}, limits.motor_current_A);
   EXPECT_FALSE(free.limited);
   EXPECT_EQ(free.setpoint_A, (std::array<float, 3>{1.0f, -2.0f, 4.0f}));
 }
@@ -549,7 +582,7 @@ TEST(Currents, NotFiniteIsZeroAndSaysSo) {
     for (std::size_t i = 0; i < 3; ++i) {
       std::array<float, 3> wanted_A{0.1f, 0.1f, 0.1f};
       wanted_A[i] = bad;
-      const CurrentLimit result = limit_currents(wanted_A, {});
+      const CurrentLimit result = limit_currents(wanted_A, kDefaultLimits.motor_current_A);
       EXPECT_FALSE(result.finite);
       EXPECT_EQ(result.setpoint_A, (std::array<float, 3>{}));
     }

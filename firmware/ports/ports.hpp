@@ -54,6 +54,13 @@ concept EmergencyStopPort = requires(B& board) {
   { board.isr_emergency_stop_open() } -> std::same_as<bool>;
 };
 
+// The supply of the board's own electronics as latched by isr_begin_tick(): true when it is too low for what
+// set-points and monitors mean, or is not watched.
+template <class B>
+concept SupplyPort = requires(B& board) {
+  { board.isr_supply_low() } -> std::same_as<bool>;
+};
+
 // A counter that runs freely upwards and wraps modulo 2^32, in step with the timer that raises the servo
 // interrupt.
 template <class B>
@@ -121,15 +128,15 @@ struct TickReport {
 // Start and end of a servo tick.
 template <class B>
 concept TickPort = requires(B& board, const TickReport& report, std::uint32_t tick) {
-  // First thing in the interrupt: latches encoders, currents and emergency stop for this tick.
+  // First thing in the interrupt: latches encoders, currents, emergency stop and supply for this tick.
   { board.isr_begin_tick(tick) } -> std::same_as<void>;
   // Last thing in the interrupt, after the outputs are set.
   { board.isr_end_tick(report) } -> std::same_as<void>;
 };
 
 template <class B>
-concept BoardPort =
-    EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && ClockPort<B> && LinkPort<B> && TickPort<B>;
+concept BoardPort = EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && SupplyPort<B> &&
+    ClockPort<B> && LinkPort<B> && TickPort<B>;
 
 // What the board calls itself: texts of at most 32 bytes (palpate.GetInfo), the first fit for a node's name.
 struct BoardIdentity {

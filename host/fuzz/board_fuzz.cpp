@@ -149,8 +149,11 @@ class Run {
         command_of(input_.take<std::uint8_t>(), input_.take<std::uint32_t>());
         ticks(1);
         return;
-      case sensors:
-        board_->emergency_stop_open = input_.take<std::uint8_t>() % 4 == 3;
+      case sensors: {
+        const auto wires = input_.take<std::uint8_t>();
+        board_->emergency_stop_open = wires % 4 == 3;
+        board_->supply_low = wires % 32 == 1;
+      }
         for (float& current_A : board_->current_A) current_A = input_.take<float>();
         for (std::int32_t& count : board_->count) count = input_.take<std::int32_t>();
         ticks(1);

@@ -53,6 +53,7 @@ lockstep::SensorFrame ClosedLoop::sensors() {
   lockstep::SensorFrame sensors = device_.sensors();
   if (emergency_stop_ || contains(config_.emergency_stop_ticks, tick()))
     sensors.flags |= lockstep::kEmergencyStop;
+  if (contains(config_.supply_low_ticks, tick())) sensors.flags |= lockstep::kSupplyLow;
   if (burn_ || contains(config_.overlong_ticks, tick())) sensors.flags |= lockstep::kBurnCycles;
   if (contains(config_.reset_ticks, tick())) sensors.flags |= lockstep::kReset;
   for (const EncoderSlip& slip : config_.encoder_slips)

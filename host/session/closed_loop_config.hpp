@@ -80,7 +80,7 @@ struct ClosedLoopConfig {
   std::vector<GripChange> grip_changes;  // increasing ticks
   std::optional<int> probe_node;         // whose rendered positions are wanted
   // Test inputs.
-  std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks, reset_ticks;
+  std::vector<std::uint32_t> overlong_ticks, emergency_stop_ticks, reset_ticks, supply_low_ticks;
   std::vector<EncoderSlip> encoder_slips;
   std::vector<link::Fault> faults_down, faults_up;  // on the link, to the board and to the host
   LinkTroubles troubles{};

@@ -36,6 +36,7 @@ std::unique_ptr<LiveLoop> make_live_loop(const nb::dict& scene, int actuator_fd,
   // Nothing of a script: a person is there.
   config.overlong_ticks.clear();
   config.emergency_stop_ticks.clear();
+  config.supply_low_ticks.clear();
   config.reset_ticks.clear();
   config.encoder_slips.clear();
   config.faults_down.clear();

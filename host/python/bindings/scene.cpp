@@ -332,6 +332,7 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   if (text(board, "name") == "mps2_an500") config.catch_up_policy = firmware::kCatchUpCortexM7;
   config.overlong_ticks = whole_list(board_faults, "overlong_ticks");
   config.emergency_stop_ticks = whole_list(board_faults, "emergency_stop_ticks");
+  config.supply_low_ticks = whole_list(board_faults, "supply_low_ticks");
   config.reset_ticks = whole_list(board_faults, "reset_ticks");
   for_each_of(board_faults, "encoder_slips", [&](const nb::dict& fields) {
     config.encoder_slips.push_back(

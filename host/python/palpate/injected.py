@@ -69,7 +69,8 @@ def _link_spans(faults: LinkFaults) -> Iterator[FaultSpan]:
 def _board_spans(scene: SceneFile) -> Iterator[FaultSpan]:
     faults = scene.board.faults
     for what, ticks in (
-        ("emergency stop", faults.emergency_stop_ticks), ("overlong tick", faults.overlong_ticks), ("board reset", faults.reset_ticks)
+        ("emergency stop", faults.emergency_stop_ticks), ("supply low", faults.supply_low_ticks),
+        ("overlong tick", faults.overlong_ticks), ("board reset", faults.reset_ticks)
     ):  # fmt: skip
         for first, last in runs(sorted(ticks)):
             yield FaultSpan(what, TICK_S * first, TICK_S * (last + 1))

@@ -45,6 +45,7 @@ BOARD_MODES = ("boot", "idle", "calibrate", "render", "fault", "direct", "suspen
 BOARD_FAULTS = (
     "emergency_stop", "stop_command", "not_a_number", "encoder_jump", "over_speed", "outside_workspace",
     "over_current", "force_implausible", "deadline_missed", "link_lost", "energy_created",
+    "motor_heat", "current_tracking", "supply_low",
 )  # fmt: skip
 
 # One row per servo tick; "the board says" is telemetry that does not cross the link.

@@ -454,7 +454,7 @@ def _check_board_faults(reader: Reader, faults: BoardFaults, duration_s: float) 
     ticks = round(duration_s / TICK_S)
     given = [
         (f"board.faults.{name}[{i}]", tick)
-        for name in ("overlong_ticks", "emergency_stop_ticks", "reset_ticks")
+        for name in ("overlong_ticks", "emergency_stop_ticks", "supply_low_ticks", "reset_ticks")
         for i, tick in enumerate(getattr(faults, name))
     ]
     given += [(f"board.faults.encoder_slips[{i}].tick", slip.tick) for i, slip in enumerate(faults.encoder_slips)]

@@ -337,6 +337,12 @@ class BoardFaults:
         unit="ticks",
         default=(),
     )
+    supply_low_ticks: tuple[int, ...] = key(
+        ListOf(Integer(0, 600_000), 100_000),
+        "servo ticks in which the supply of the board's electronics is too low",
+        unit="ticks",
+        default=(),
+    )
     reset_ticks: tuple[int, ...] = key(
         ListOf(Integer(0, 600_000), 1000),
         "servo ticks in which the board starts again, as after a moment without power; the host finds it out when ticks go back by "

@@ -13,10 +13,23 @@ _MOST_Hz = 170_000_000
 _VOLTAGE_RANGE_1_Hz = 150_000_000  # above it only with boost (RM0440, 6.1.5)
 # Flash wait states: up to these frequencies in range 1, boost and normal (RM0440, table 29).
 _Hz_PER_WAIT_STATE = {True: 34_000_000, False: 30_000_000}
+_HIGHEST_THRESHOLD = 6  # of the supply's detector, about 2.9 V
 
 
 class Pwr(Peripheral):
-    REGISTERS = {"CR1": (0x00, 0x200), "CR3": (0x08, 0x8000), "SR2": (0x14, 0), "CR5": (0x80, 0x100)}
+    """The supply's detector at its highest threshold only. is_low: what it would find."""
+
+    REGISTERS = {"CR1": (0x00, 0x200), "CR2": (0x04, 0), "CR3": (0x08, 0x8000), "SR2": (0x14, 0), "CR5": (0x80, 0x100)}
+
+    is_low = False
+
+    def write_CR2(self, value: int) -> None:
+        if value & 1 and value >> 1 & 7 != _HIGHEST_THRESHOLD:
+            raise MachineError(f"PWR_CR2 = {value:#x}: only PVDLS = {_HIGHEST_THRESHOLD} is modelled")
+        self.value["CR2"] = value
+
+    def read_SR2(self) -> int:
+        return self.value["SR2"] | (1 << 11 if self.is_low and self.value["CR2"] & 1 else 0)
 
     @property
     def boost(self) -> bool:

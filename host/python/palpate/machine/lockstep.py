@@ -26,7 +26,7 @@ _ACTUATORS = struct.Struct(f"<III3fI96sI{_LINK_BYTES}s")
 _REPORT, _REPORT_HEAD_BYTES, _REPORT_BYTES = "palpate_last_tick_report", 8, 104
 _IDENTITY, _IDENTITY_LAYOUT = "palpate_image_identity", struct.Struct("<Q32s32s")
 _SENSOR_MAGIC, _ACTUATOR_MAGIC = 0x314E5350, 0x31434150
-_EMERGENCY_STOP, _SHUTDOWN, _BURN, _CRASH, _RESET = 1, 2, 4, 8, 16
+_EMERGENCY_STOP, _SHUTDOWN, _BURN, _CRASH, _RESET, _SUPPLY_LOW = 1, 2, 4, 8, 16, 32
 _EXIT_USAGE, _EXIT_NO_CHANNEL, _EXIT_CLOSED, _EXIT_PROTOCOL, _EXIT_MACHINE = 1, 2, 3, 4, 5
 # From power on to the first tick: oscillators, converters, and what is checked.
 _LONGEST_START_CYCLES = CLOCK_Hz
@@ -64,6 +64,7 @@ class Exchange:
             board.set_encoders(values[:3])
             board.set_monitors(values[3:])
             board.set_emergency_stop(bool(flags & _EMERGENCY_STOP))
+            board.set_supply_low(bool(flags & _SUPPLY_LOW))
             self._link.receive(link[:length])
             if flags & _BURN:
                 board.chip.core.stall(_BURN_CYCLES)

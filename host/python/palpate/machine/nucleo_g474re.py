@@ -55,6 +55,10 @@ class Nucleo:
         port, pin = _EMERGENCY_STOP
         self.chip.gpio[port].outside[pin] = None if is_open else False
 
+    def set_supply_low(self, is_low: bool) -> None:
+        """The part's supply: below the highest threshold of its detector, or well above."""
+        self.chip.pwr.is_low = is_low
+
     @property
     def amplifiers_on(self) -> bool:
         """A pin that nobody drives is low: it has a resistor to ground."""
