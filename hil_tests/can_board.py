@@ -11,12 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from board_peer import Lockstep
 from gs_usb_adapter import GsUsbAdapter
+from kernel_session import TICK_s, pressing_plant
 from link_codec import LinkCodec
 
-import palpate
-
-# An emulated processor is some twenty times slower than its host, and models are too old after 256 ticks.
-TICK_s = 16e-3
 LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 _EXTENDED = 1 << 31
 _RECORD_FD = 1 << 30
@@ -125,10 +122,3 @@ class CanBoard(GsUsbAdapter):
         payload = data[_FRAME.size:_FRAME.size + LENGTHS[code]]
         if identifier & _EXTENDED:
             self._to_board += CanFrame(identifier & ~_EXTENDED, code, bool(flags & _FLAG_FD), payload).record()
-
-
-def pressing_plant() -> palpate.Plant:
-    """A tip that is pressed 3 mm into the body of host/session/can_session_test.cpp, whatever it meets."""
-    return palpate.Plant(
-        [(0.1, (0.001, 0.002, -0.0195)), (0.35, (0.001, 0.002, -0.023))], hand={"kind": "scripted"}
-    )

@@ -1,7 +1,10 @@
 """palpate.BoardLink, the Python end of a serial line, with both boards on a pseudo-terminal in real time."""
 
+import time
+
 import pytest
 from board_peer import serial_terminal
+from link_codec import FORM_TIP, LinkCodec
 
 from palpate import BoardLink, BoardLinkError, __version__, _core
 
@@ -9,6 +12,8 @@ NAMES = {"native": "native", "mps2": "mps2_an386"}
 # In real time a machine that does other things makes the board miss deadlines: it then refuses to arm, or stops.
 PATIENCE_S = 3.0
 DEADLINE_MISSED = 1 << 8
+# Only a failure waits for it.
+DEADLINE_S = 20.0
 
 
 def arms(link):
@@ -36,6 +41,15 @@ def test_who_it_is_and_how_it_is(board):
     assert first.tick < second.tick and second.mode == "idle" and second.faults == 0
     assert second.tip_m.shape == second.force_N.shape == (3,)
     assert not second.tip_m.any()  # encoders at zero: the reference pose
+
+
+def test_the_tip_of_a_board_that_another_program_has_asked_for_tips_alone(board):
+    link, _ = board
+    link._link.write(LinkCodec.trace_request(0, 0, 0, FORM_TIP, 4))
+    deadline_s = time.monotonic() + DEADLINE_S
+    while (state := link.state()).tip_m is None or state.force_N is not None:
+        assert time.monotonic() < deadline_s, state
+    assert not state.tip_m.any()  # the reference pose
 
 
 def test_arming_and_disarming(board):

@@ -4,8 +4,9 @@ adapter whose bus has the firmware in QEMU outside (can_board.py), on classic CA
 import re
 
 import pytest
-from board_peer import BUILD_HOST, lockstep
-from can_board import CanBoard, pressing_plant
+from board_peer import lockstep
+from can_board import CanBoard
+from kernel_session import at_the_same_interface, with_a_board
 from linux_guest import CAN_MODULES, run_in_guest, usb_port
 from usb_redir import plugged_in
 from wire_peer import BOARD, HOST
@@ -23,10 +24,6 @@ VCAN0_UP = "ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 txqueuel
 SUBJECTS = {BOARD: {1600, 1601, 1602, 1603, 1604, 7509}, HOST: {1610, 1611, 1612}}
 FREQUENT = {"vcan0": {BOARD: {1600}, HOST: {1610, 1612}}, "can0": {BOARD: {1604}, HOST: {1610, 1612}}}
 COMMAND = 300
-
-
-def program(framing, variable, address):
-    return f"{variable}={address} {BUILD_HOST}/host/session/can_session_{framing}_test --gtest_filter=-*{'SameInterface' if 'BOARD' in variable else 'OnTheBus'}"
 
 
 def watched(interface, framing, script):
@@ -62,9 +59,9 @@ def test_a_session_on_vcan_and_with_a_board_behind_an_adapter(tmp_path):
     """One guest, since its start takes long."""
     script = [VCAN0_UP]
     for framing, kind in KINDS.items():
-        script.append(watched("vcan0", framing, program(framing, "PALPATE_TEST_CAN", f"{kind}:vcan0")))
+        script.append(watched("vcan0", framing, at_the_same_interface(framing, f"{kind}:vcan0")))
         script.append(CAN0_UP[framing])
-        script.append(watched("can0", framing, program(framing, "PALPATE_TEST_CAN_BOARD", f"{kind}:can0")))
+        script.append(watched("can0", framing, with_a_board(framing, f"{kind}:can0")))
         script.append("ip link set can0 down")
     (tmp_path / "guest").mkdir()
     with lockstep("mps2_can_classic", tmp_path / "classic") as classic, lockstep("mps2_can_fd", tmp_path / "fd") as fd, usb_port() as port:

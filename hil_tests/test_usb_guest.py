@@ -1,11 +1,13 @@
 """The board's own USB on a real Linux kernel: the firmware in QEMU outside, its device in the port of a guest (usb_board.py),
-and in the guest the kernel, its drivers, lsusb, and the project's host code over libusb and the serial line (usb_guest.py)."""
+and in the guest the kernel, its drivers, lsusb, and the project's host code over libusb (the session with its body, kernel_session.py)
+and the serial line (usb_guest.py)."""
 
 import re
 import struct
 
 import pytest
 from board_peer import MPS2_USB_IMAGE, REPOSITORY, BoardInfo, LinkCodec, LinkReader, square_model
+from kernel_session import TICK_s, pressing_plant, with_a_board
 from linux_guest import run_in_guest, usb_port
 from usb_board import UsbBoard
 from usb_host import SERIAL_IN, SERIAL_OUT, usb_board
@@ -22,26 +24,37 @@ COMPLAINTS = re.compile(r"can't get|cannot|unrecognized|unknown|warning|invalid|
 
 def test_the_board_on_a_real_kernel(tmp_path):
     """One guest, since its start is most of the time."""
-    with usb_board("mps2_usb", tmp_path / "board") as host:
+    plant = pressing_plant()
+    with usb_board("mps2_usb", tmp_path / "board", plant) as host:
         model = tmp_path / "model"
         packed = square_model(1, 0, schema_hash(host), copies=64)
         model.write_bytes(struct.pack("<I", len(packed.basis)) + packed.basis + packed.state)
         (tmp_path / "guest").mkdir()
 
+        share = tmp_path / "guest/share"
+
         def is_pulled_out() -> bool:
-            """The guest makes a file each time that it wants that."""
-            return (tmp_path / f"guest/share/unplug_{board.times_plugged_in}").exists()
+            """The guest makes a file each time that it wants that, and one when the session begins."""
+            if (share / "session").exists():
+                (share / "session").unlink()
+                board.move(plant, TICK_s)
+            return (share / f"unplug_{board.times_plugged_in}").exists()
 
         board = UsbBoard(host, is_pulled_out)
         script = f"""until [ -e /dev/ttyACM0 ]; do sleep 0.1; done
 lsusb -v -d 1209:0001
 export PYTHONPATH={REPOSITORY}/host/python:{REPOSITORY}/hil_tests
 {REPOSITORY}/.venv/bin/python {REPOSITORY}/hil_tests/usb_guest.py {model}
+touch /run/share/session
+{with_a_board("serial", "usb:1209:0001")}
 dmesg | grep -E 'usb 1-1|cdc_acm'"""
         with usb_port() as port, plugged_in(board, port):
             guest = run_in_guest(["bash", "-euc", script], tmp_path / "guest", deadline_s=DEADLINE_S, modules=["cdc-acm"], usb=port)
     print(guest.output)
     assert guest.exit_code == 0, guest.output
+    # 3 mm deep, where a node meets some 300 N/m.
+    assert re.search(r"session: \d+ of \d+ models taken over", guest.output)
+    assert board.largest_force_N > 0.3
     descriptors, session = guest.output.split("board mps2_an386", 1)
     assert not COMPLAINTS.search(descriptors), COMPLAINTS.search(descriptors)
     for line in (

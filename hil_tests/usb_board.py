@@ -1,16 +1,19 @@
 """A board in lock-step, whose link is a USB bus, in the USB port of a guest (linux_guest.py): between its host controller
 (usb_host.py) and QEMU's usb-redir (usb_redir.py).
 
-The board's time is that of this machine while something is plugged in, a tick a millisecond at most, for the guest has no other:
-such a run does not repeat.
+The board's time is that of this machine while something is plugged in, a tick a millisecond at most, or slower where that is asked
+for, for the guest has no other: such a run does not repeat.
 """
 
 import struct
 import time
 from collections.abc import Callable
 
+import numpy as np
 import usb_redir as redir
 from usb_host import Status, Transfer, UsbHost
+
+import palpate
 
 _STATUS = {Status.DONE: redir.SUCCESS, Status.STALLED: redir.STALL, Status.SILENT: redir.INPUT_OUTPUT_ERROR,
            Status.CANCELLED: redir.CANCELLED}
@@ -28,11 +31,19 @@ class UsbBoard:
     def __init__(self, host: UsbHost, is_pulled_out: Callable[[], bool] = lambda: False):
         self._host = host
         self._is_pulled_out = is_pulled_out
+        self._tick_s = _TICK_s
+        self._plant: palpate.Plant | None = None
+        self.largest_force_N = 0.0  # since it was moved
         self._pending: dict[int, Transfer] = {}
         self._descriptors = b"", b""
         self._channel: redir.Channel | None = None
         self.times_plugged_in = 0
         self.ticks = 0
+
+    def move(self, plant: palpate.Plant, tick_s: float) -> None:
+        """From here on `plant`, whose sensors are among the host's inputs, goes its way and takes the board's currents; a tick takes no
+        less than tick_s."""
+        self._plant, self._tick_s, self.largest_force_N = plant, tick_s, 0.0
 
     def serve(self, channel: redir.Channel) -> bool:
         """Until the guest hangs up (False) or the board is pulled out (True)."""
@@ -48,14 +59,20 @@ class UsbBoard:
             if not channel.handle_until(due_s, self._handle):
                 return False
             # Late: what is missed is not made up for.
-            due_s = max(due_s + _TICK_s, time.monotonic())
-            self._host.tick()
-            self.ticks += 1
+            due_s = max(due_s + self._tick_s, time.monotonic())
+            self._tick()
             if self.ticks % 16 == 0 and self._is_pulled_out():
                 self._pending.clear()
                 self._host.unplug()
                 self._host.run(2)
                 return True
+
+    def _tick(self) -> None:
+        actuators = self._host.tick()
+        self.ticks += 1
+        self.largest_force_N = max(self.largest_force_N, float(np.linalg.norm(actuators["force_N"])))
+        if self._plant is not None:
+            self._plant.advance(np.asarray(actuators["setpoint_A"], dtype=np.float64), bool(actuators["enabled"]))
 
     def _handle(self, kind: int, identifier: int, body: bytes) -> None:
         if kind == redir.HELLO:

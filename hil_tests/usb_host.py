@@ -15,6 +15,8 @@ from enum import Enum
 import numpy as np
 from board_peer import Lockstep, lockstep
 
+import palpate
+
 # boards/lockstep/usb_record.hpp
 RESET, FRAME, SUSPEND, RESUME, UNPLUG = 1, 2, 3, 4, 5
 SETUP, OUT_DATA0, OUT_DATA1, IN = 0x10, 0x11, 0x12, 0x13
@@ -380,10 +382,12 @@ class UsbHost:
 
 
 @contextlib.contextmanager
-def usb_board(board: str, folder: pathlib.Path) -> Iterator[UsbHost]:
-    """Runs a board with USB ("native_usb", "mps2_usb", "nucleo_usb") up to where it has pulled the bus up."""
+def usb_board(board: str, folder: pathlib.Path, plant: palpate.Plant | None = None) -> Iterator[UsbHost]:
+    """Runs a board with USB ("native_usb", "mps2_usb", "nucleo_usb") up to where it has pulled the bus up. With a `plant` it reads that
+    one's sensors from the first tick on."""
     with lockstep(board, folder) as one:
-        host = UsbHost(one)
+        host = UsbHost(one) if plant is None else UsbHost(one, lambda tick: {
+            "encoder": tuple(map(int, plant.encoder_counts)), "current_A": tuple(map(float, plant.measured_current_A))})
         for _ in range(10):
             if host.attached:
                 break

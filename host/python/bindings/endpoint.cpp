@@ -14,6 +14,7 @@
 #include "host/link/transport.hpp"
 #include "host/python/bindings/arrays.hpp"
 #include "host/python/bindings/moving_body.hpp"
+#include "shared/wire/tip_trace.hpp"
 
 namespace palpate::python {
 namespace {
@@ -77,7 +78,17 @@ struct ToDict {
     result["tick_rate_Hz"] = info.tick_rate_Hz;
     result["tip_history_ticks"] = info.tip_history_ticks;
   }
-  void operator()(const palpate_TipTrace_1_0&) { result["message"] = "TipTrace"; }
+  void operator()(const palpate_TipTrace_1_0& trace) {
+    std::vector<float> tip_m;
+    for (std::size_t i = 0; i <= trace.offsets.count; ++i) {
+      const Vec3d place_m = wire::read_tip(trace, i);
+      for (const double value_m : {place_m.x, place_m.y, place_m.z})
+        tip_m.push_back(static_cast<float>(value_m));
+    }
+    result["message"] = "TipTrace";
+    result["first_tick"] = trace.first_tick;
+    result["tip_m"] = array(std::move(tip_m), 3);
+  }
   void operator()(const palpate_DeviceState_1_0&) { result["message"] = "DeviceState"; }
   void operator()(const palpate_ModelReport_1_0&) { result["message"] = "ModelReport"; }
   void operator()(const palpate_BasisReport_1_0&) { result["message"] = "BasisReport"; }

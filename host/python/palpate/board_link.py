@@ -40,10 +40,11 @@ class BoardInfo:
 
 @dataclass(frozen=True)
 class BoardState:
-    """The newest BoardStatus, and tip and force of the newest tick of a ServoTrace, if one came since.
+    """The newest BoardStatus, and tip and force of the newest tick of a trace.
 
     tick: of the board's clock, 1 ms. mode: one of BOARD_MODES. faults: bits of docs/safety.md. tip_m, force_N (3,): device frame;
-    None: no trace has come.
+    None: no trace has come, or its form, which whoever serves the board chooses (palpate.TraceRequest), does not have it: a TipTrace
+    has no force.
     """
 
     tick: int
@@ -115,7 +116,7 @@ class BoardLink:
             frames_refused=status["frames_refused"],
             missed_deadlines=status["missed_deadlines"],
             tip_m=None if trace is None else trace["tip_m"][-1].astype(np.float64),
-            force_N=None if trace is None else trace["force_N"][-1].astype(np.float64),
+            force_N=None if trace is None or "force_N" not in trace else trace["force_N"][-1].astype(np.float64),
         )
 
     def arm(self, patience_s: float = 0.0) -> None:
@@ -178,7 +179,7 @@ class BoardLink:
         while True:
             while self._received:
                 one = self._received.popleft()
-                if one["message"] == "ServoTrace":
+                if one["message"] in ("ServoTrace", "TipTrace"):
                     self._trace = one
                 elif one["message"] == message and transfer_id in (None, one.get("transfer_id")):
                     return one

@@ -1,9 +1,10 @@
-// The host's session over a CAN interface of a real kernel, with the firmware at the same interface of this
-// program, or at the other end of an adapter's bus. hil_tests/test_can_session.py runs it where there are
-// interfaces: PALPATE_TEST_CAN and PALPATE_TEST_CAN_BOARD have an address (host/link/transport.hpp) each.
+// The host's session over drivers of a real kernel: with the firmware at the same CAN interface of this
+// program, or with a board at the other end of an adapter's bus or of a USB cable. hil_tests/
+// test_can_session.py and test_usb_guest.py run it where there are such: PALPATE_TEST_CAN and
+// PALPATE_TEST_BOARD have an address (host/link/transport.hpp) each.
 //
-// One program for classic CAN and one for CAN FD (firmware/link/framing.hpp). What time it is the board's
-// ticks say, so that nothing here depends on how fast the kernel is.
+// One program for each framing (firmware/link/framing.hpp). What time it is the board's ticks say, so that
+// nothing here depends on how fast the kernel is.
 
 #include <gtest/gtest.h>
 
@@ -36,6 +37,14 @@ using Clock = std::chrono::steady_clock;
 constexpr auto kHangs = std::chrono::seconds(100);
 constexpr std::uint32_t kEnoughModels = 3;
 constexpr float kFelt_N = 0.3f;  // where 3 mm meet some 300 N/m
+
+template <class Framing>
+constexpr link::FramingKind kind_of() {
+  if (std::is_same_v<Framing, firmware::SerialFraming>) return link::FramingKind::serial;
+  return std::is_same_v<Framing, firmware::CanFdFraming> ? link::FramingKind::can_fd
+                                                         : link::FramingKind::can_classic;
+}
+constexpr link::FramingKind kFraming = kind_of<firmware::LinkFraming>();
 
 Body small_body() {
   constexpr int kNodes = 5;
@@ -71,6 +80,9 @@ class HostEnd {
       for (const link::OutgoingFrame& frame : host_.poll(polled_tick_ + 1, 0, kBytesPerTick))
         if (!link_->write(frame.bytes)) ++unsent_;
   }
+  void disarm() {
+    if (!link_->write(host_.disarm().bytes)) ++unsent_;
+  }
   [[nodiscard]] bool has_models() const { return host_.counters().models_taken >= kEnoughModels; }
   // By full traces.
   [[nodiscard]] bool is_felt() const { return deepest_N_ < -kFelt_N; }
@@ -85,8 +97,7 @@ class HostEnd {
 
   static ClosedLoopConfig config(TraceForm form) {
     ClosedLoopConfig config = test::drag_config(0, 5, {form, 4});
-    constexpr bool kFd = std::is_same_v<firmware::LinkFraming, firmware::CanFdFraming>;
-    config.framing = kFd ? link::FramingKind::can_fd : link::FramingKind::can_classic;
+    config.framing = kFraming;
     config.session.valid_ticks = 1000;
     config.session.step_s = 2e-4;
     return config;
@@ -106,7 +117,7 @@ void tell(const HostEnd& host) {
             << " frames unsent\n";
 }
 
-TEST(CanSession, WithTheFirmwareAtTheSameInterface) {
+TEST(KernelSession, WithTheFirmwareAtTheSameInterface) {
   const char* address = std::getenv("PALPATE_TEST_CAN");
   if (address == nullptr) GTEST_SKIP() << "PALPATE_TEST_CAN names no CAN interface";
   HostEnd host(address, TraceForm::full);
@@ -138,12 +149,13 @@ TEST(CanSession, WithTheFirmwareAtTheSameInterface) {
 }
 
 // Its force is known outside. The kernel here is emulated, and a driver gives a frame 20 ms: some may be
-// lost, and what was in them is sent again.
-TEST(CanSession, WithABoardOnTheBus) {
-  const char* address = std::getenv("PALPATE_TEST_CAN_BOARD");
-  if (address == nullptr) GTEST_SKIP() << "PALPATE_TEST_CAN_BOARD names no CAN interface";
+// lost, and what was in them is sent again. The board is left disarmed.
+TEST(KernelSession, WithABoardElsewhere) {
+  const char* address = std::getenv("PALPATE_TEST_BOARD");
+  if (address == nullptr) GTEST_SKIP() << "PALPATE_TEST_BOARD names no board";
   constexpr std::uint32_t kPressed_tick = 400;
-  HostEnd host(address, TraceForm::tip);
+  // On a CAN bus there is no room for full ones.
+  HostEnd host(address, kFraming == link::FramingKind::serial ? TraceForm::full : TraceForm::tip);
   const auto latest = Clock::now() + kHangs;
   while (!(host.has_models() && host.heard_tick() > kPressed_tick) && Clock::now() < latest)
     host.run(std::chrono::milliseconds(1));
@@ -151,6 +163,10 @@ TEST(CanSession, WithABoardOnTheBus) {
   EXPECT_TRUE(host.has_models());
   ASSERT_TRUE(host.status().has_value());
   EXPECT_EQ(host.status()->mode, palpate_BoardStatus_1_0_MODE_RENDER);
+  host.disarm();
+  while (host.status()->mode == palpate_BoardStatus_1_0_MODE_RENDER && Clock::now() < latest)
+    host.run(std::chrono::milliseconds(1));
+  EXPECT_EQ(host.status()->mode, palpate_BoardStatus_1_0_MODE_IDLE);
 }
 
 }  // namespace
