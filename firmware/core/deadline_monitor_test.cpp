@@ -53,6 +53,9 @@ TEST(DeadlineMonitor, CountsTicksThatAreInTime) {
   }
   EXPECT_EQ(monitor.missed_deadlines(), 0u);
   EXPECT_EQ(monitor.worst_tick_count(), kPeriod - 1);
+  (void)run_tick(timer, monitor, 100);
+  EXPECT_EQ(monitor.tick_count(), 100u);
+  EXPECT_EQ(monitor.worst_tick_count(), kPeriod - 1);
 }
 
 TEST(DeadlineMonitor, AnOverlongTickMissesEachDeadlineThatPasses) {

@@ -51,6 +51,9 @@ TEST(LimitRanges, LimitsMustGoTogether) {
                        .link_lost_ticks = 1000}),
             "link_lost_ticks");
   EXPECT_EQ(bad_limit({.calibration_motion_count = -1}), "calibration_motion_count");
+  EXPECT_EQ(bad_limit({.calibration_motion_count = 11}), "calibration_motion_count");
+  EXPECT_EQ(bad_limit({.calibration_motion_count = 10}), "");
+  EXPECT_EQ(bad_limit({.calibration_motion_count = 0}), "");
   EXPECT_EQ(bad_limit({.motor_current_A = {1.0f, 0.0f, 1.0f}}), "motor_current_A");
   EXPECT_EQ(bad_limit({.motor_current_A = {1.0f, 1.0f, 50.5f}}), "motor_current_A");
   EXPECT_EQ(bad_limit({.motor_continuous_A = {0.0f, 1.0f, 1.0f}}), "motor_continuous_A");

@@ -114,9 +114,8 @@ void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limi
 // A program's force is its own affair: it may lead the hand.
 void observe_passivity(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
   if (state.mode != Mode::render || !is_finite(in.tip_step_m)) return;
-  // Of a force that rises or is damped the hand has not felt what the model corrects.
-  const bool is_felt =
-      !state.force_was_lost && state.damping_ticks == 0 && state.soft_start_ticks >= limits.soft_start_ticks;
+  // Of a force that rises, or was lost and damped, the hand has not felt what the model corrects.
+  const bool is_felt = !state.force_was_lost && state.soft_start_ticks >= limits.soft_start_ticks;
   state.passivity = observe(state.passivity,
                             {.force_N = state.force_N,
                              .step_m = in.tip_step_m,
@@ -243,8 +242,8 @@ Vec3f limited_force(SupervisorState& state, const SupervisorInputs& in, const Li
 
 // `always` and `rendering` are the conditions of this tick: both refuse arming; those that only matter while
 // rendering stand neither in the way of CLEAR_FAULT nor of a calibration, which may be their cure.
-Status run_command(SupervisorState& state, const SupervisorInputs& in, const Limits& limits, FaultSet always,
-                   FaultSet rendering, std::uint32_t seed, bool& calibration_begins) {
+Status run_command(SupervisorState& state, const SupervisorInputs& in, FaultSet always, FaultSet rendering,
+                   std::uint32_t seed, bool& calibration_begins) {
   const bool may_arm = state.mode == Mode::idle && always == 0 && rendering == 0 && state.position_trusted;
   switch (in.command.action) {
     case Action::nothing:
@@ -266,8 +265,8 @@ Status run_command(SupervisorState& state, const SupervisorInputs& in, const Lim
       if (!may_arm) return Status::command_refused;
       // The token stands in the status, for everybody to read: it is no try, and the challenge stays open.
       if (state.token != 0 && in.command_node != state.token_node) return Status::command_refused;
-      const bool right = state.token != 0 && in.command.token == state.token &&
-                         state.token_age_ticks <= limits.arming_window_ticks;
+      // One that is too old has been closed at the beginning of the tick.
+      const bool right = state.token != 0 && in.command.token == state.token;
       state.token = 0;  // one try a challenge
       if (!right) return Status::command_token_wrong;
       enter(state, state.token_is_direct ? Mode::direct : Mode::render);
@@ -362,7 +361,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
 
   decision.outcome.action = in.command.action;
   decision.outcome.status =
-      run_command(state, in, limits, always, rendering, challenge_seed, decision.calibration_begins);
+      run_command(state, in, always, rendering, challenge_seed, decision.calibration_begins);
 
   FaultSet present = static_cast<FaultSet>(outputs_on(state.mode) ? always | rendering : always);
   if (state.mode == Mode::suspended && is_lost(state, in, limits)) present |= bit(Fault::link_lost);

@@ -66,6 +66,17 @@ TEST(Supervisor, BootsIntoIdleWithOutputsOff) {
   EXPECT_FALSE(board.last.outputs_on);
 }
 
+TEST(Supervisor, AnAgeThatHasReachedItsEndStaysThere) {
+  Board board;
+  board.boot();
+  board.state.mode_age_ticks = UINT32_MAX - 1;
+  board.step();
+  EXPECT_EQ(board.state.mode_age_ticks, UINT32_MAX);
+  board.in.elapsed_ticks = 5;
+  board.step();
+  EXPECT_EQ(board.state.mode_age_ticks, UINT32_MAX);
+}
+
 TEST(Supervisor, BootAcceptsOnlyStopAndDisarm) {
   for (const Action action : {Action::arm_request, Action::arm_confirm, Action::calibrate}) {
     Board board;
@@ -210,6 +221,11 @@ std::vector<Condition> conditions() {
       {"NaN current", bit(Fault::not_a_number), false, [](Board& b) { b.in.measured_current_A[1] = kNan; }},
       {"NaN joint step", bit(Fault::not_a_number), false, [](Board& b) { b.in.joint_step_rad = kNan; }},
       {"NaN speed", bit(Fault::not_a_number), false, [](Board& b) { b.in.tip_speed_m_s = kNan; }},
+      {"NaN step of the tip", bit(Fault::not_a_number), false, [](Board& b) { b.in.tip_step_m.x = kNan; }},
+      {"NaN velocity", bit(Fault::not_a_number), false, [](Board& b) { b.in.tip_velocity_m_s.z = kNan; }},
+      {"NaN correction", bit(Fault::not_a_number), false, [](Board& b) { b.in.correction_J = kNan; }},
+      {"NaN force of a program", bit(Fault::not_a_number), false,
+       [](Board& b) { b.in.direct_force_N.y = kNan; }},
       {"encoder jump", bit(Fault::encoder_jump), false,
        [](Board& b) { b.in.joint_step_rad = std::nextafter(b.limits.joint_step_rad, 1.0f); }},
       {"over-current", bit(Fault::over_current), false,
@@ -302,6 +318,24 @@ TEST(Faults, OfTheDeviceLatchInIdleToo) {
     condition.set(board);
     EXPECT_EQ(board.step().state.mode, Mode::fault);
   }
+}
+
+TEST(Faults, ThatShowAfterTheDecisionAddUpToo) {
+  Board board;
+  board.arm();
+  board.ask({1.0f, 0.0f, 0.0f});
+  board.steps(200);
+  const Decision once = trip(board.last, Fault::not_a_number);
+  EXPECT_FALSE(once.outputs_on);
+  EXPECT_FALSE(once.force_limited);
+  EXPECT_EQ(once.state.mode, Mode::fault);
+  EXPECT_EQ(once.state.force_N, Vec3f{});
+  EXPECT_EQ(once.state.mode_age_ticks, 0u);
+  Decision later = once;
+  later.state.mode_age_ticks = 7;
+  later = trip(later, Fault::over_current);
+  EXPECT_EQ(later.state.faults, bit(Fault::not_a_number) | bit(Fault::over_current));
+  EXPECT_EQ(later.state.mode_age_ticks, 7u);  // in the mode it was in already
 }
 
 TEST(Faults, AddUp) {
@@ -586,6 +620,17 @@ TEST(Currents, NotFiniteIsZeroAndSaysSo) {
       EXPECT_FALSE(result.finite);
       EXPECT_EQ(result.setpoint_A, (std::array<float, 3>{}));
     }
+  }
+}
+
+// Whichever motor is furthest over its limit decides.
+TEST(Currents, TheFactorIsThatOfTheMotorThatIsFurthestOver) {
+  const std::array<float, 3> largest_A{2.0f, 1.0f, 4.0f};
+  for (const auto& wanted_A :
+       {std::array<float, 3>{4.0f, 1.5f, 5.0f}, {2.5f, 2.0f, 5.0f}, {3.0f, 1.5f, -8.0f}}) {
+    const CurrentLimit result = limit_currents(wanted_A, largest_A);
+    EXPECT_TRUE(result.limited);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_FLOAT_EQ(result.setpoint_A[i], 0.5f * wanted_A[i]);
   }
 }
 

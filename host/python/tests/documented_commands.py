@@ -181,6 +181,7 @@ TESTED = {
         "host/python/tests/test_contact_lead.py::test_a_steady_press_has_the_force_of_the_mean_of_the_tick"
     ),
     "python host/bench/usb_cost.py": "hil_tests/test_usb.py::test_what_a_packet_costs_the_board",
+    "python host/bench/supervisor_coverage.py": "host/python/tests/test_supervisor_coverage.py::test_every_line_and_branch_is_reached",
     "python host/bench/board_cost.py": "hil_tests/test_board_cost.py::test_no_model_takes_more_than_predicted",
     "python host/bench/tick_cycles.py --situations 60": (
         "hil_tests/test_tick_cycles.py::test_ticks_stay_below_the_bound_and_have_the_instructions_of_the_clock"
