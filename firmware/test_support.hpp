@@ -56,6 +56,19 @@ struct MemoryBoard {
   LinkBuffers& link() { return buffers; }
   void poll_receive() {}
   void start_transmit() {}
+
+  std::vector<std::uint8_t> kept{};  // parameters
+  bool memory_works = true;
+  [[nodiscard]] static bool keeps_parameters() { return true; }
+  bool read_parameters(std::span<std::uint8_t> out) {
+    if (kept.size() != out.size()) return false;
+    std::copy(kept.begin(), kept.end(), out.begin());
+    return true;
+  }
+  bool write_parameters(std::span<const std::uint8_t> in) {
+    if (memory_works) kept.assign(in.begin(), in.end());
+    return memory_works;
+  }
 };
 static_assert(BoardPort<MemoryBoard>);
 

@@ -1,16 +1,17 @@
 """The image for the NUCLEO-G474RE, as it is flashed, on register models of the part (palpate.machine): from power on to a running servo,
 and what happens when clock, tick, power or flash fail. Nothing here has run on silicon."""
 
+import itertools
 import json
 import os
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from board_peer import NUCLEO_IMAGE, REPOSITORY
+from board_peer import LINK_BYTES_PER_TICK, NUCLEO_IMAGE, REPOSITORY
+from link_codec import LinkCodec, LinkReader
 from loop_scene import run, scene
 from test_board_lockstep import scripted_run
 
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.skipif(not NUCLEO_IMAGE.exists(), reason="the image for
 
 from palpate.machine.clock import BROWN_OUT_RESET, PIN_RESET, SOFTWARE_RESET, WATCHDOG_RESET
 from palpate.machine.gpio import ALTERNATE, ANALOG
+from palpate.machine.links import link_of
 from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
 from palpate.machine.part import Image
 from palpate.machine.stm32g474 import CLOCK_Hz
@@ -177,30 +179,24 @@ def test_a_processor_fault_resets_and_leaves_a_record(board):
     assert word(board, "palpate_boot_report", 2) == FAULT_PROCESSOR
 
 
-class Calibration:
-    """The request that a debugger makes (boards/nucleo_g474re/calibration.hpp)."""
-
-    STORE, REFUSED = 0x524F5453, 100
-    NOMINAL = (2048.0,) * 3 + (256.0,) * 3 + (2048.0,) * 3 + (24.0 / 4096,) * 3
-
-    @staticmethod
-    def store(board: Nucleo, values: tuple[float, ...], until: Callable[[], bool] = lambda: False) -> int | None:
-        """The result; None: it was not reached."""
-        at = board.chip.image.symbols["palpate_calibration_request"]
-        board.chip.core.store(at + 8, struct.pack("<12f", *values))
-        board.chip.core.store(at, struct.pack("<I", Calibration.STORE))
-        resets = board.chip.resets
-        for _ in range(100):
-            if not board.run_to_tick(SECOND) or board.chip.resets != resets:
-                return None
-            board.run_tick()
-            if word(board, "palpate_calibration_request") == 0:
-                return word(board, "palpate_calibration_request", 1)
-        raise TimeoutError("the request is not answered")
+REGISTER_ACCESS = 384
+# A number of the version, then nine registers of three float32; the third is setpoint.gain.
+TUNING_BYTES, SETPOINT_GAIN_AT = 4 + 9 * 12, 4 + 2 * 12
 
 
-def offset(value: float) -> tuple[float, ...]:
-    return (value, *Calibration.NOMINAL[1:])
+def store(board: Nucleo, transfer_id: int, gain: float) -> float | None:
+    """Writes the register setpoint.gain over the link; what it is then. None: the board has started again meanwhile."""
+    name, resets, link = b"setpoint.gain", board.chip.resets, link_of(board.chip)
+    reader = LinkReader(synchronized=False)
+    link.receive(LinkCodec.request(REGISTER_ACCESS, transfer_id, bytes([len(name)]) + name + struct.pack("<BB3f", 13, 3, gain, gain, gain)))
+    for _ in range(200):
+        if not board.run_to_tick(SECOND) or board.chip.resets != resets:
+            return None
+        board.run_tick()
+        for frame in reader.feed(link.take(LINK_BYTES_PER_TICK)):
+            if frame.port == REGISTER_ACCESS and frame.is_response:
+                return struct.unpack_from("<f", frame.payload, 10)[0]
+    raise TimeoutError("the request is not answered")
 
 
 @pytest.mark.parametrize("unreadable", [False, True])
@@ -210,41 +206,49 @@ def test_power_lost_at_any_step_of_storing_leaves_the_old_or_the_new(board, unre
     flash.erase_cycles = 20_000  # the firmware asks all the while, each time through Python
     flash.fails_unreadable = unreadable
     start(board)
-    assert Calibration.store(board, offset(2050.0)) == 0
+    old, new, later = (float(np.float32(gain)) for gain in (1.05, 1.1, 1.15))
+    transfers = itertools.count()
+    assert store(board, next(transfers), old) == old
     before = flash.steps
-    assert Calibration.store(board, offset(2051.0)) == 0
+    assert store(board, next(transfers), new) == new
     steps = flash.steps - before
     assert steps > 8  # a page and its double words
+    assert store(board, next(transfers), old) == old
     for step in range(1, steps + 1):
         flash.power_fails_at = flash.steps + step
-        assert Calibration.store(board, offset(2060.0)) is None
+        assert store(board, next(transfers), later) is None
         flash.power_fails_at = None
         board.chip.power_cycle()
         start(board)
-        assert stored_offset(board) == 2050.0 + step, step
-        # And it can be stored again.
-        assert Calibration.store(board, offset(2051.0 + step)) == 0
+        assert stored_gain(board) == old, step
+        # And it can be stored again, which is what the next step finds.
+        old = float(np.float32(1.05 + 0.001 * step))
+        assert store(board, next(transfers), old) == old
 
 
-def stored_offset(board: Nucleo) -> float:
-    """Of the first set-point, in the newest whole record: read as boards/stm32g4/parameter_store.hpp lays it down."""
+def stored_gain(board: Nucleo) -> float:
+    """Of the first set-point, in the newest whole record: read as boards/stm32g4/parameter_store.hpp and firmware/core/tuning.hpp lay it down."""
     newest = None
     for slot in range(2):
         at = 0x7F000 + 2048 * slot
         data = bytes(board.chip.flash_memory[at : at + 2048])
         magic, length, sequence, inverse = struct.unpack_from("<4I", data)
-        if magic != 0x31504C50 or length != 48 or sequence != inverse ^ 0xFFFFFFFF:
+        if magic != 0x31504C50 or length != TUNING_BYTES or sequence != inverse ^ 0xFFFFFFFF:
             continue
         crc, complement = struct.unpack_from("<2I", data, 16 + length)
         if crc == complement ^ 0xFFFFFFFF and (newest is None or sequence > newest[0]):
-            newest = sequence, struct.unpack_from("<f", data, 16)[0]
+            newest = sequence, struct.unpack_from("<f", data, 16 + SETPOINT_GAIN_AT)[0]
     return float("nan") if newest is None else newest[1]
 
 
-def test_a_calibration_that_no_amplifier_has_is_refused(board):
+def test_parameters_are_used_at_once_and_after_the_next_start(board):
+    """A gain that no amplifier has is refused; one that is kept survives a loss of power."""
     start(board)
-    assert Calibration.store(board, offset(3000.0)) == Calibration.REFUSED
-    assert Calibration.store(board, offset(float("nan"))) == Calibration.REFUSED
+    assert store(board, 0, 2.0) == 1.0 and store(board, 1, float("nan")) == 1.0
+    assert store(board, 2, 1.125) == 1.125
+    board.chip.power_cycle()
+    start(board)
+    assert store(board, 0, 2.0) == 1.125  # refused, and what was kept is there
 
 
 # In place of many boards that start: one run of each, in which a model is taken over and pressed into (test_board_lockstep.py).

@@ -106,6 +106,6 @@ def test_vectors_and_memory(images: list, tmp_path) -> None:
 def test_what_a_debugger_reads_has_a_name(images: list) -> None:
     for image in images:
         known = symbols(image)
-        for name in ("last_tick_report", "encoder_index", "fault_record", "boot_report", "clock_source", "calibration_request"):
+        for name in ("last_tick_report", "encoder_index", "fault_record", "boot_report", "clock_source"):
             address, kind = known[f"palpate_{name}"]
             assert kind in "BD" and address >= RAM

@@ -18,7 +18,7 @@ import sys
 # ARMv7-M with FPU: 8 words, 17 of the FPU, one reserved, one that aligns.
 EXCEPTION_FRAME_BYTES = 27 * 4
 # Functions of newlib and libgcc that have no call graph, and a bound on their stack: they save at most eight registers.
-LIBRARY_FUNCTIONS = {"memcpy", "memmove", "memset", "strlen", "__aeabi_uldivmod", "__udivmoddi4"}
+LIBRARY_FUNCTIONS = {"memcmp", "memcpy", "memmove", "memset", "strlen", "__aeabi_uldivmod", "__udivmoddi4"}
 LIBRARY_STACK_BYTES = 64
 # The function that runs constructors of static objects through pointers, and how GCC names those.
 RUNS_CONSTRUCTORS = "start_up"

@@ -3,6 +3,8 @@
 #include "boards/cortex_m/fail_safe.hpp"
 #include "boards/cortex_m/fault_record.hpp"
 #include "boards/stm32/watchdog.hpp"
+#include "boards/stm32g4/parameter_flash.hpp"
+#include "boards/stm32g4/parameter_store.hpp"
 
 extern "C" {
 [[gnu::used]] palpate::firmware::TickReport palpate_last_tick_report;
@@ -73,6 +75,23 @@ void NucleoG474re::isr_enable_amplifiers(firmware::EnableKey) {
 void NucleoG474re::isr_disable_amplifiers() {
   fail_safe();
   enabled_.store(false, std::memory_order_relaxed);
+}
+
+bool NucleoG474re::keeps_parameters() {
+  return stm32g4::ParameterFlash::is_supported();
+}
+
+bool NucleoG474re::read_parameters(std::span<std::uint8_t> out) {
+  stm32g4::ParameterFlash flash;
+  return keeps_parameters() && stm32g4::ParameterStore(flash).read(out) == stm32g4::StoreResult::ok;
+}
+
+// Ticks go on meanwhile. With the amplifiers on nothing is written, whoever asks.
+bool NucleoG474re::write_parameters(std::span<const std::uint8_t> in) {
+  if (enabled_.load(std::memory_order_relaxed)) return false;
+  if (!keeps_parameters()) return true;  // it holds until the next start, and the registers say so
+  stm32g4::ParameterFlash flash;
+  return stm32g4::ParameterStore(flash).write(in) == stm32g4::StoreResult::ok;
 }
 
 }  // namespace palpate::board

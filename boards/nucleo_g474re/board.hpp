@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <span>
 
 #include "board_wire.hpp"
 #include "boards/cortex_m/idle.hpp"
@@ -27,8 +28,8 @@ namespace palpate::board {
 
 class NucleoG474re {
  public:
-  NucleoG474re(const stm32g4::CurrentCalibration& calibration, const std::array<std::uint8_t, 16>& unique_id)
-      : setpoints_(calibration), monitors_(calibration), wire_(link_, unique_id) {}
+  explicit NucleoG474re(const std::array<std::uint8_t, 16>& unique_id)
+      : setpoints_(kNominalCalibration), monitors_(kNominalCalibration), wire_(link_, unique_id) {}
 
   // Before the first tick, in this order: enable low, clocks, set-points at mid-scale, all else. The watchdog
   // runs when it returns.
@@ -58,12 +59,14 @@ class NucleoG474re {
   [[nodiscard]] std::uint32_t clock_Hz() const { return stm32g4::kSystemClock_Hz; }
   [[nodiscard]] std::uint32_t first_due_count() const { return timebase_.first_due_count(); }
 
+  // ParameterPort: in flash, where the part is set up for it.
+  [[nodiscard]] static bool keeps_parameters();
+  [[nodiscard]] static bool read_parameters(std::span<std::uint8_t> out);
+  bool write_parameters(std::span<const std::uint8_t> in);
+
   // LinkPort
   firmware::LinkBuffers& link() { return link_; }
-  void poll_receive() {
-    wire_.poll_receive();
-    serve_calibration_request(!enabled_.load(std::memory_order_relaxed));
-  }
+  void poll_receive() { wire_.poll_receive(); }
   void start_transmit() {
     wire_.start_transmit();
     guard_.note_background();

@@ -40,8 +40,7 @@ void tim7_handler() {
   // construction.
   static const firmware::BoardIdentity identity{PALPATE_BOARD_NAME, PALPATE_VERSION,
                                                 stm32g4::unique_id(stm32g4::kUniqueId_address, "G474")};
-  static const stm32g4::CurrentCalibration calibration = board::stored_calibration();
-  static Board the_board(calibration, identity.unique_id);
+  static Board the_board(identity.unique_id);
   static App the_app(the_board, identity, firmware::kCatchUpCortexM4, board::kLimits);
   app = &the_app;
   the_board.begin();

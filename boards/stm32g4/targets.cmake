@@ -11,7 +11,7 @@ function(palpate_stm32g4_firmware image wire)
   cmake_parse_arguments(arg "" "" "CONTEXTS;SOURCES;LIBS" ${ARGN})
   list(TRANSFORM arg_SOURCES PREPEND ${_stm32g4}/)
   palpate_firmware_image(${image} SCRIPT ${_script} INCLUDES ${wire} LIBS ${arg_LIBS}
-    SOURCES main.cpp board.cpp calibration.cpp ${arg_SOURCES} ${_stm32g4}/clock.cpp ${_stm32g4}/currents.cpp ${_stm32g4}/encoders.cpp
+    SOURCES main.cpp board.cpp ${arg_SOURCES} ${_stm32g4}/clock.cpp ${_stm32g4}/currents.cpp ${_stm32g4}/encoders.cpp
       ${_stm32g4}/handlers.cpp ${_stm32g4}/parameter_flash.cpp ${_stm32g4}/vectors.cpp
     CONTEXTS ${arg_CONTEXTS} tim7_handler nmi_handler report_fault)
 endfunction()

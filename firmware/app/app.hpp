@@ -1,6 +1,7 @@
 // The firmware on a board: the servo tick in its interrupt, everything else in the background.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 
@@ -10,6 +11,7 @@
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/servo.hpp"
 #include "firmware/core/supervisor.hpp"
+#include "firmware/core/tuning.hpp"
 #include "firmware/link/endpoint.hpp"
 #include "firmware/ports/ports.hpp"
 #include "shared/device/parameters.hpp"
@@ -33,7 +35,13 @@ class App {
         renderer_(wire::kSchemaHash, catch_up_policy),
         servo_(device::kPremium15, limits_, static_cast<std::uint32_t>(wire::kSchemaHash), renderer_,
                mailbox_),
-        endpoint_(renderer_, servo_, limits_, mailbox_, board.link(), identity, board.clock_Hz()) {}
+        endpoint_(renderer_, servo_, limits_, mailbox_, board.link(), identity, board.clock_Hz()) {
+    Tuning tuning;
+    if (std::array<std::uint8_t, kTuningBytes> kept; board.read_parameters(kept))
+      (void)unpack_tuning(kept, tuning);
+    servo_.begin(tuning);
+    endpoint_.registers().begin(tuning, board.keeps_parameters());
+  }
 
   // Interrupt context, top priority, every millisecond.
   void isr_tick();
@@ -49,6 +57,7 @@ class App {
   [[nodiscard]] const Endpoint& endpoint() const { return endpoint_; }
 
  private:
+  [[gnu::noinline]] void store_tuning();  // its bytes do not lie below the endpoint's stack
   TickReport report(const ServoOutput& output) const;
 
   Board& board_;
@@ -110,6 +119,7 @@ void App<Board>::background() {
 
   board_.poll_receive();
   endpoint_.run();
+  store_tuning();
   board_.start_transmit();
 
   const std::uint32_t interrupted_count =
@@ -117,6 +127,15 @@ void App<Board>::background() {
   background_count_.fetch_add(board_.clock_count() - begin_count - interrupted_count,
                               std::memory_order_relaxed);
   ticks_handled_.store(ticks, std::memory_order_release);
+}
+
+template <BoardPort Board>
+void App<Board>::store_tuning() {
+  const Tuning* const tuning = endpoint_.registers().to_store();
+  if (tuning == nullptr) return;
+  std::array<std::uint8_t, kTuningBytes> bytes;
+  pack_tuning(*tuning, bytes);
+  endpoint_.registers().stored(board_.write_parameters(bytes));
 }
 
 template <BoardPort Board>

@@ -2,10 +2,12 @@
 // servo.hpp).
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 
 #include "firmware/core/supervisor.hpp"
+#include "firmware/core/tuning.hpp"
 #include "firmware/ports/spsc_ring.hpp"
 
 namespace palpate::firmware {
@@ -51,6 +53,27 @@ struct DeviceSample {
   FaultSet faults = 0;
 };
 
+// What `palpate calibrate` looks at, of one tick: the register arm.sample, and the encoders' own counts.
+struct ArmSample {
+  std::uint32_t tick = 0;
+  std::array<std::int32_t, 3> encoder_count{};  // as the encoders have them
+  JointValues joint_rad{};
+  JointValues joint_rad_s{};         // estimated between counts
+  JointValues setpoint_A{};          // that are asked for in this tick; zeros while outputs are off
+  JointValues measured_current_A{};  // at its beginning
+};
+
+// How a new tuning comes into use. The background asks; the interrupt, which alone knows that nothing is
+// armed, agrees, and obeys nothing that could arm until the background has stored the tuning or given up.
+enum class TuningStep : std::uint8_t {
+  idle,     // background's turn
+  asked,    // interrupt's
+  refused,  // background's: armed, or a calibration goes on
+  agreed,   // background's
+  commit,   // interrupt's: Mailbox::tuning is to be used
+  done,     // background's
+};
+
 struct Mailbox {
   SpscRing<CommandRequest, 4> commands;  // background to interrupt, which runs one a tick
   // STOP and DISARM so far, which pass by that ring: whoever fills it cannot hold them up. Written by the
@@ -63,8 +86,12 @@ struct Mailbox {
   SpscRing<StatusSnapshot, 8> status;  // interrupt to background
   SpscRing<Vec3f, 4>
       direct_forces;  // background to interrupt, which takes the newest: as palpate.DirectForce
-  SpscRing<DeviceSample, 2> device;        // interrupt to background, while it is wanted
-  std::atomic<bool> device_wanted{false};  // written by the background
+  SpscRing<DeviceSample, 2> device;                       // interrupt to background, while it is wanted
+  std::atomic<bool> device_wanted{false};                 // written by the background
+  SpscRing<ArmSample, 1> samples;                         // interrupt to background, while they are wanted
+  std::atomic<bool> samples_wanted{false};                // written by the background
+  std::atomic<TuningStep> tuning_step{TuningStep::idle};  // written by whose turn it is
+  Tuning tuning{};                                        // written by the background, at idle and agreed
   // Written by the interrupt: who armed last, and whether that still holds (rendering, or suspended).
   std::atomic<std::uint16_t> armed_node{kNoNode};
   std::atomic<bool> is_armed{false};

@@ -28,8 +28,9 @@ bool moved(const device::EncoderCounts& from, const device::EncoderCounts& to, s
 }  // namespace
 
 CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
-                               const Vec3f& force_N, const std::array<float, 3>& largest_A) {
-  const Vec3f torque_N_m = device::joint_torque(pose, -force_N) + pose.gravity_torque_N_m;
+                               const Vec3f& force_N, const std::array<float, 3>& largest_A,
+                               const Vec3f& friction_N_m) {
+  const Vec3f torque_N_m = device::joint_torque(pose, -force_N) + pose.gravity_torque_N_m + friction_N_m;
   const device::CurrentSetpoints currents = device::motor_currents(device, torque_N_m);
   // Scale 0 is how motor_currents() reports what is not finite; its own zeros would pass for a command.
   if (!(currents.scale > 0.0f)) return {.finite = false};
@@ -37,6 +38,71 @@ CurrentLimit reaction_currents(const device::Parameters& device, const device::P
       limit_currents({currents.current_A.x, currents.current_A.y, currents.current_A.z}, largest_A);
   result.limited = result.limited || currents.scale < 1.0f;
   return result;
+}
+
+void Servo::use(const Tuning& tuning) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (tuning.encoder_sign[i] == tuning_.encoder_sign[i]) continue;
+    // Counts turn over, those that are remembered too: the reference pose stays where it is.
+    reference_count_[i] = difference(0, reference_count_[i]);
+    previous_count_[i] = difference(0, previous_count_[i]);
+    estimators_[i] = {};
+    have_tip_ = false;
+  }
+  tuning_ = tuning;
+  compensates_friction_ = false;
+  for (std::size_t i = 0; i < 3; ++i) {
+    compensates_friction_ = compensates_friction_ || tuning.friction_share[i] > 0.0f;
+    const float nominal_N_m = kNominalGravity_N_m[i];
+    gravity_ratio_[i] = nominal_N_m != 0.0f ? tuning.gravity_torque_N_m[i] / nominal_N_m : 1.0f;
+  }
+}
+
+// In a tick that begins with outputs off, and in which nothing switches them on.
+void Servo::take_tuning() {
+  switch (mailbox_.tuning_step.load(std::memory_order_acquire)) {
+    case TuningStep::asked: {
+      const bool agreed = !is_armed(state_.mode) && state_.mode != Mode::calibrate;
+      mailbox_.tuning_step.store(agreed ? TuningStep::agreed : TuningStep::refused,
+                                 std::memory_order_release);
+      break;
+    }
+    case TuningStep::commit: {
+      const Tuning& tuning = mailbox_.tuning;
+      // A tip that is suddenly elsewhere is no place for the models that know it here.
+      if (tuning.encoder_sign != tuning_.encoder_sign) forget_models();
+      use(tuning);
+      mailbox_.tuning_step.store(TuningStep::done, std::memory_order_release);
+      break;
+    }
+    case TuningStep::idle:
+    case TuningStep::refused:
+    case TuningStep::agreed:
+    case TuningStep::done:
+      break;
+  }
+}
+
+ServoSensors Servo::corrected(const ServoSensors& sensors) const {
+  ServoSensors corrected = sensors;
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (tuning_.encoder_sign[i] < 0.0f) corrected.count[i] = difference(0, sensors.count[i]);
+    corrected.measured_current_A[i] =
+        tuning_.monitor_gain[i] * (sensors.measured_current_A[i] - tuning_.monitor_offset_A[i]);
+  }
+  return corrected;
+}
+
+void Servo::post_sample(const ServoTiming& timing, const ServoSensors& raw, const ServoSensors& sensors,
+                        const Vec3f& joint_rad, const std::array<float, 3>& setpoint_A) {
+  if (!mailbox_.samples_wanted.load(std::memory_order_relaxed)) return;
+  const Vec3f joint_rad_s = device::estimated_joint_velocity(device_, estimators_);
+  (void)mailbox_.samples.push({.tick = timing.tick,
+                               .encoder_count = raw.count,
+                               .joint_rad = {joint_rad.x, joint_rad.y, joint_rad.z},
+                               .joint_rad_s = {joint_rad_s.x, joint_rad_s.y, joint_rad_s.z},
+                               .setpoint_A = setpoint_A,
+                               .measured_current_A = sensors.measured_current_A});
 }
 
 SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& sensors,
@@ -110,10 +176,13 @@ void Servo::take_direct_forces(std::uint32_t elapsed_ticks) {
 }
 
 bool Servo::take_command(CommandRequest& request) {
+  const TuningStep step = mailbox_.tuning_step.load(std::memory_order_relaxed);
   const std::uint32_t stops = mailbox_.stops.load(std::memory_order_relaxed);
   const std::uint32_t disarms = mailbox_.disarms.load(std::memory_order_relaxed);
   const bool stop = stops != stops_;
-  if (!stop && disarms == disarms_) return mailbox_.commands.pop(request);
+  // From its consent on to its end nothing is obeyed that could arm.
+  if (!stop && disarms == disarms_)
+    return step != TuningStep::agreed && step != TuningStep::commit && mailbox_.commands.pop(request);
   stops_ = stops;
   disarms_ = disarms;
   for (CommandRequest late; mailbox_.commands.pop(late);)
@@ -149,9 +218,12 @@ void Servo::note_who_armed(const Decision& decision, const CommandRequest& reque
     forget_models();
 }
 
-ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& sensors) {
+ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& raw) {
+  take_tuning();
+  const ServoSensors sensors = corrected(raw);
   const Vec3f joint_rad = device::joint_angles(device_, sensors.count, reference_count_);
-  const device::Pose pose = device::evaluate(device_, joint_rad);
+  device::Pose pose = device::evaluate(device_, joint_rad);
+  for (std::size_t i = 0; i < 3; ++i) pose.gravity_torque_N_m[i] *= gravity_ratio_[i];
   const bool pose_known = (pose.faults & device::kInvalidAngle) == 0;
 
   ServoOutput output;
@@ -173,8 +245,11 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
 
   Decision decision = supervise(state_, in, limits_, challenge_seed_);
   if (decision.outputs_on) {
-    const CurrentLimit currents =
-        reaction_currents(device_, pose, decision.state.force_N, bearable_currents_A(heat_, limits_));
+    Vec3f friction_N_m{};
+    if (compensates_friction_)
+      friction_N_m = friction_compensation(tuning_, device::estimated_joint_velocity(device_, estimators_));
+    const CurrentLimit currents = reaction_currents(device_, pose, decision.state.force_N,
+                                                    bearable_currents_A(heat_, limits_), friction_N_m);
     output.setpoint_A = currents.setpoint_A;
     decision.force_limited = decision.force_limited || currents.limited;
     if (!currents.finite) decision = trip(decision, Fault::not_a_number);
@@ -207,6 +282,10 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& senso
 
   if (!decision.outputs_on) output.setpoint_A = {};
   setpoint_A_ = output.setpoint_A;
+  post_sample(timing, raw, sensors, joint_rad, output.setpoint_A);
+  if (decision.outputs_on)
+    for (std::size_t i = 0; i < 3; ++i)
+      output.setpoint_A[i] = tuning_.setpoint_gain[i] * output.setpoint_A[i] - tuning_.setpoint_offset_A[i];
   output.outputs_on = decision.outputs_on;
   output.force_N = state_.force_N;
   output.mode = state_.mode;

@@ -49,9 +49,10 @@ struct ServoOutput {
 };
 
 // Set-points of the motors that make the tip push with -force_N against the hand, the reaction to the force
-// of the tip on the body, and carry the arm's weight. Any context.
+// of the tip on the body, carry the arm's weight, and take over `friction_N_m` of its joints. Any context.
 CurrentLimit reaction_currents(const device::Parameters& device, const device::Pose& pose,
-                               const Vec3f& force_N, const std::array<float, 3>& largest_A);
+                               const Vec3f& force_N, const std::array<float, 3>& largest_A,
+                               const Vec3f& friction_N_m = {});
 
 class Servo {
  public:
@@ -65,7 +66,11 @@ class Servo {
         mailbox_(mailbox),
         heat_(heat_at_start(limits)) {}
 
-  // Interrupt context, once per servo tick.
+  // Before the first tick: what the board has kept.
+  void begin(const Tuning& tuning) { use(tuning); }
+
+  // Interrupt context, once per servo tick. Counts and currents as the board has them; set-points as the
+  // amplifiers need them.
   ServoOutput isr_tick(const ServoTiming& timing, const ServoSensors& sensors);
 
   // Background context: the tick after the newest one whose sample is complete; 0: none yet.
@@ -74,6 +79,12 @@ class Servo {
   bool sample(std::uint32_t tick, ServoSample& out) const;
 
  private:
+  void use(const Tuning& tuning);
+  [[gnu::noinline]] void take_tuning();
+  [[nodiscard]] ServoSensors corrected(const ServoSensors& sensors) const;
+  [[gnu::noinline]] void post_sample(const ServoTiming& timing, const ServoSensors& raw,
+                                     const ServoSensors& sensors, const Vec3f& joint_rad,
+                                     const std::array<float, 3>& setpoint_A);
   SupervisorInputs gather(const ServoTiming& timing, const ServoSensors& sensors, const device::Pose& pose,
                           const ServoSample& sample);
   void update_estimate(const ServoTiming& timing, const ServoSensors& sensors);
@@ -95,6 +106,9 @@ class Servo {
   Mailbox& mailbox_;
 
   // Interrupt's own.
+  Tuning tuning_{};
+  Vec3f gravity_ratio_{1.0f, 1.0f, 1.0f};  // of the tuning's weight to the device's
+  bool compensates_friction_ = false;
   SupervisorState state_{};
   MotorHeat heat_;
   std::array<float, 3> setpoint_A_{};        // of the last tick

@@ -58,6 +58,7 @@ void Endpoint::run() {
   if (renderer_.catch_up(report)) note(report);
   send_model_reports();
   send_replies();
+  send_register_answers();
   send_status();
   send_heartbeat();
   send_traces();
@@ -131,6 +132,12 @@ void Endpoint::dispatch(const wire::Frame& frame) {
     case wire::request_specifier(wire::kNodeInfoService):
       status = send_node_info(frame);
       break;
+    case wire::MessageTraits<wire::RegisterAccessRequest>::kSpecifier:
+      status = take_register_access(frame);
+      break;
+    case wire::MessageTraits<wire::RegisterListRequest>::kSpecifier:
+      status = send_register_name(frame);
+      break;
     default:
       break;
   }
@@ -188,6 +195,27 @@ Status Endpoint::send_node_info(const wire::Frame& frame) {
                             .board = identity_.board};
   (void)send(info, response<wire::NodeInfo>({frame.header.source, frame.header.transfer_id}));
   return Status::ok;
+}
+
+Status Endpoint::take_register_access(const wire::Frame& frame) {
+  wire::RegisterAccessRequest request;
+  if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
+  return registers_.take(request, {frame.header.source, frame.header.transfer_id}) ? Status::ok
+                                                                                   : Status::command_refused;
+}
+
+Status Endpoint::send_register_name(const wire::Frame& frame) {
+  wire::RegisterListRequest request;
+  if (const Status status = wire::deserialize(frame.payload, request); status != Status::ok) return status;
+  (void)send(wire::RegisterListResponse{registers_.name(request.index)},
+             response<wire::RegisterListResponse>({frame.header.source, frame.header.transfer_id}));
+  return Status::ok;
+}
+
+void Endpoint::send_register_answers() {
+  Registers::Answer answer;
+  while (registers_.next(answer, servo_.next_tick()))
+    (void)send(answer.response, response<wire::RegisterAccessResponse>(answer.requester));
 }
 
 Status Endpoint::take_trace_request(const wire::Frame& frame) {

@@ -11,6 +11,7 @@
 #include "firmware/core/renderer.hpp"
 #include "firmware/core/servo.hpp"
 #include "firmware/link/framing.hpp"
+#include "firmware/link/registers.hpp"
 #include "firmware/ports/ports.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/node.hpp"
@@ -58,6 +59,7 @@ class Endpoint {
     Status last_status = Status::ok;  // the last that was not ok
   };
   [[nodiscard]] const Counters& counters() const { return counters_; }
+  Registers& registers() { return registers_; }
 
  private:
   void receive();
@@ -66,6 +68,10 @@ class Endpoint {
   void take_urgent(Action action, const Requester& requester);
   Status send_info(const wire::Frame& frame);
   Status send_node_info(const wire::Frame& frame);
+  // With frames of their own on the stack, which does not lie below those of models.
+  [[gnu::noinline]] Status take_register_access(const wire::Frame& frame);
+  [[gnu::noinline]] Status send_register_name(const wire::Frame& frame);
+  [[gnu::noinline]] void send_register_answers();
   Status take_trace_request(const wire::Frame& frame);
   Status take_direct_force(const wire::Frame& frame);
   void note(const ModelReport& report);
@@ -108,6 +114,7 @@ class Endpoint {
   std::uint32_t clock_Hz_;
 
   LinkFraming framing_;
+  Registers registers_{mailbox_};
   wire::TransferMonitor transfers_{LinkFraming::kTransferIdBits};
   Counters counters_{};
   std::uint32_t faults_seen_ = 0;  // refused frames that last_status already speaks of

@@ -18,6 +18,7 @@
 #include "shared/wire/can_sender.hpp"
 #include "shared/wire/frame_receiver.hpp"
 #include "shared/wire/messages.hpp"
+#include "shared/wire/registers.hpp"
 
 namespace palpate::firmware {
 
@@ -74,11 +75,12 @@ class CanFraming {
  private:
   // All that the host sends and that does not fit in one frame of classic CAN, 7 bytes; on CAN FD the small
   // ones do. A message that is missing here never arrives.
-  static constexpr std::array<wire::CanRoom, 5> kRooms{
-      room_for<palpate_ModelState_1_0>(), room_for<palpate_ModelPart_1_0>(),
+  static constexpr std::array<wire::CanRoom, 6> kRooms{
+      room_for<palpate_ModelState_1_0>(),   room_for<palpate_ModelPart_1_0>(),
       room_for<palpate_TraceRequest_1_0>(), room_for<palpate_Command_Request_1_0>(),
-      room_for<palpate_DirectForce_1_0>()};
+      room_for<palpate_DirectForce_1_0>(),  room_for<wire::RegisterAccessRequest>()};
   static_assert(wire::MessageTraits<palpate_GetInfo_Request_1_0>::kMaxBytes <= 7);
+  static_assert(wire::MessageTraits<wire::RegisterListRequest>::kMaxBytes <= 7);
 
   wire::CanRoomsReceiver<kRooms> receiver_{wire::kBoardNode};
   wire::CanSender sender_;

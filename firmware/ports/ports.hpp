@@ -10,6 +10,7 @@
 #include <array>
 #include <concepts>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "firmware/ports/spsc_ring.hpp"
@@ -103,6 +104,25 @@ concept LinkPort = requires(B& board) {
   { board.start_transmit() } -> std::same_as<void>;
 };
 
+// A few bytes that the board keeps (core/tuning.hpp). Background context, amplifiers off; reading also before
+// the first tick.
+template <class B>
+concept ParameterPort = requires(B& board, std::span<std::uint8_t> out, std::span<const std::uint8_t> in) {
+  // Constant: do they survive a loss of power?
+  { board.keeps_parameters() } -> std::same_as<bool>;
+  // False, and `out` is of no use: nothing of this length has been written.
+  { board.read_parameters(out) } -> std::same_as<bool>;
+  // May take some 50 ms. False: what was there before is there still.
+  { board.write_parameters(in) } -> std::same_as<bool>;
+};
+
+// Of a board that keeps nothing: what is written holds until the firmware ends.
+struct VolatileParameters {
+  [[nodiscard]] static constexpr bool keeps_parameters() { return false; }
+  [[nodiscard]] static constexpr bool read_parameters(std::span<std::uint8_t>) { return false; }
+  [[nodiscard]] static constexpr bool write_parameters(std::span<const std::uint8_t>) { return true; }
+};
+
 // What the firmware did in a tick, for boards that record it (the emulated ones). It is never fed back.
 struct TickReport {
   std::uint32_t tick = 0;
@@ -136,7 +156,7 @@ concept TickPort = requires(B& board, const TickReport& report, std::uint32_t ti
 
 template <class B>
 concept BoardPort = EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && SupplyPort<B> &&
-    ClockPort<B> && LinkPort<B> && TickPort<B>;
+    ClockPort<B> && LinkPort<B> && TickPort<B> && ParameterPort<B>;
 
 // What the board calls itself: texts of at most 32 bytes (palpate.GetInfo), the first fit for a node's name.
 struct BoardIdentity {

@@ -59,6 +59,15 @@ bool decode_response(const wire::Frame& frame, std::vector<Incoming>& messages) 
   return true;
 }
 
+// Its name is a view of the frame.
+bool decode_register_name(const wire::Frame& frame, std::vector<Incoming>& messages) {
+  wire::RegisterListResponse response;
+  if (wire::deserialize(frame.payload, response) != Status::ok) return false;
+  messages.emplace_back(
+      RegisterName{.transfer_id = frame.header.transfer_id, .name = std::string(response.name)});
+  return true;
+}
+
 // The hash of the board's message definitions, if the message tells it.
 std::optional<std::uint64_t> announced_schema_hash(const Incoming& message) {
   if (const auto* status = std::get_if<palpate_BoardStatus_1_0>(&message)) return status->schema_hash;
@@ -118,6 +127,16 @@ OutgoingFrame HostEndpoint::encode(const palpate_DirectForce_1_0& message) {
 }
 
 OutgoingFrame HostEndpoint::encode(const palpate_GetInfo_Request_1_0& message) {
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const wire::RegisterAccessRequest& message) {
+  check_range("register.Access name, characters", message.name.size(), 1, wire::kMaxRegisterName);
+  check_range("register.Access value, elements", message.value.count, 0, wire::kMaxRegisterValues);
+  return encode_message(message);
+}
+
+OutgoingFrame HostEndpoint::encode(const wire::RegisterListRequest& message) {
   return encode_message(message);
 }
 
@@ -199,6 +218,12 @@ void HostEndpoint::take(wire::Frame frame, std::uint32_t tick, std::vector<Incom
       break;
     case wire::MessageTraits<palpate_GetInfo_Response_1_0>::kSpecifier:
       decoded = decode_response<InfoResponse>(frame, messages);
+      break;
+    case wire::MessageTraits<wire::RegisterAccessResponse>::kSpecifier:
+      decoded = decode_response<RegisterAnswer>(frame, messages);
+      break;
+    case wire::MessageTraits<wire::RegisterListResponse>::kSpecifier:
+      decoded = decode_register_name(frame, messages);
       break;
     default:
       if (wire::is_standard_message(specifier)) return;  // a heartbeat

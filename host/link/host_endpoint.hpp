@@ -6,12 +6,14 @@
 #include <map>
 #include <memory>
 #include <span>
+#include <string>
 #include <variant>
 #include <vector>
 
 #include "host/link/framing.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/reception.hpp"
+#include "shared/wire/registers.hpp"
 #include "shared/wire/transfer_monitor.hpp"
 
 namespace palpate::link {
@@ -32,9 +34,19 @@ struct InfoResponse {
   palpate_GetInfo_Response_1_0 message{};
 };
 
+struct RegisterAnswer {
+  std::uint64_t transfer_id = 0;
+  wire::RegisterAccessResponse message{};
+};
+
+struct RegisterName {
+  std::uint64_t transfer_id = 0;
+  std::string name;  // empty: no register has that index
+};
+
 using Incoming = std::variant<palpate_ServoTrace_1_0, palpate_TipTrace_1_0, palpate_BoardStatus_1_0,
                               palpate_ModelReport_1_0, palpate_BasisReport_1_0, palpate_DeviceState_1_0,
-                              CommandResponse, InfoResponse>;
+                              CommandResponse, InfoResponse, RegisterAnswer, RegisterName>;
 
 struct EndpointCounters {
   std::uint64_t frames_sent = 0;
@@ -81,6 +93,9 @@ class HostEndpoint {
   OutgoingFrame encode(const palpate_DirectForce_1_0& message);
   OutgoingFrame encode(const palpate_Command_Request_1_0& message);
   OutgoingFrame encode(const palpate_GetInfo_Request_1_0& message);
+  // Also for a name that is empty or longer than wire::kMaxRegisterName, and too many values.
+  OutgoingFrame encode(const wire::RegisterAccessRequest& message);
+  OutgoingFrame encode(const wire::RegisterListRequest& message);
   // Any payload under any specifier (wire/ports.hpp): for tests of what the board refuses.
   OutgoingFrame encode_payload(std::uint16_t specifier, std::span<const std::uint8_t> payload);
 

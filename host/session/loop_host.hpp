@@ -140,6 +140,8 @@ class LoopHost {
   void take(const link::CommandResponse& response) { arming_.take(response.message); }
   void take(const link::InfoResponse& response);
   void take(const palpate_DeviceState_1_0&) {}  // asked for by other programs
+  void take(const link::RegisterAnswer&) {}
+  void take(const link::RegisterName&) {}
 
   ClosedLoopConfig config_;
   link::HostEndpoint endpoint_;

@@ -96,16 +96,22 @@ using CountEstimators = std::array<CountEstimator, 3>;
   return pose.tip_m + pose.jacobian_m * offset_rad;
 }
 
-// Velocity of the tip, device frame, m/s.
-[[nodiscard]] inline Vec3f estimated_velocity(const Parameters& device, const Pose& pose,
-                                              const CountEstimators& estimators) {
+// Velocities of the joints, rad/s.
+[[nodiscard]] inline Vec3f estimated_joint_velocity(const Parameters& device,
+                                                    const CountEstimators& estimators) {
   constexpr float kTicks_1_s = 1000.0f;
   Vec3f velocity_rad_s{};
   for (std::size_t i = 0; i < 3; ++i) {
     const float velocity = estimators[i].velocity_count_tick() * kTicks_1_s / device.joint[i].counts_per_rad;
     velocity_rad_s[i] = device.joint[i].encoder_sign < 0 ? -velocity : velocity;
   }
-  return pose.jacobian_m * velocity_rad_s;
+  return velocity_rad_s;
+}
+
+// Velocity of the tip, device frame, m/s.
+[[nodiscard]] inline Vec3f estimated_velocity(const Parameters& device, const Pose& pose,
+                                              const CountEstimators& estimators) {
+  return pose.jacobian_m * estimated_joint_velocity(device, estimators);
 }
 
 }  // namespace palpate::device

@@ -18,7 +18,7 @@ struct Joint {
   float counts_per_rad;          // encoder counts per radian of the joint, > 0
   std::int8_t encoder_sign;      // +1 or -1: counts rise with the joint angle, or fall
   float min_rad, max_rad;        // software limits of the joint angle
-  float coulomb_friction_N_m;    // for the plant; the firmware does not compensate friction
+  float coulomb_friction_N_m;    // for the plant; what the firmware compensates is a register
   float viscous_friction_N_m_s;  // per rad/s, likewise
 };
 

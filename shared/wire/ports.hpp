@@ -28,6 +28,9 @@ inline constexpr std::uint16_t kGetInfoService = 301;  // palpate.GetInfo
 inline constexpr std::uint16_t kHeartbeatSubject = 7509;  // uavcan.node.Heartbeat
 inline constexpr std::uint16_t kTimeSubject = 7168;       // uavcan.time.Synchronization
 inline constexpr std::uint16_t kNodeInfoService = 430;    // uavcan.node.GetInfo
+// Those of its registers (registers.hpp).
+inline constexpr std::uint16_t kRegisterAccessService = 384;  // uavcan.register.Access
+inline constexpr std::uint16_t kRegisterListService = 385;    // uavcan.register.List
 
 // The data specifier of a frame header: the kind of transfer and the number of its subject or service.
 constexpr std::uint16_t message_specifier(std::uint16_t subject) {

@@ -1,11 +1,17 @@
 // The host's end of the link, for a board on a serial line.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <chrono>
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <variant>
 #include <vector>
@@ -89,6 +95,29 @@ struct ToDict {
     result["first_tick"] = trace.first_tick;
     result["tip_m"] = array(std::move(tip_m), 3);
   }
+  void operator()(const link::RegisterAnswer& answer) {
+    const wire::RegisterValue& value = answer.message.value;
+    result["message"] = "RegisterAccess";
+    result["transfer_id"] = answer.transfer_id;
+    result["read_us"] = answer.message.read_us;
+    result["mutable"] = answer.message.is_mutable;
+    result["persistent"] = answer.message.is_persistent;
+    result["value"] = nb::none();  // there is none of that name
+    if (value.type == wire::RegisterType::empty || value.type == wire::RegisterType::other) return;
+    nb::list numbers;
+    for (std::size_t i = 0; i < value.count; ++i) {
+      if (value.type == wire::RegisterType::real32)
+        numbers.append(std::bit_cast<float>(value.bits[i]));
+      else
+        numbers.append(std::bit_cast<std::int32_t>(value.bits[i]));
+    }
+    result["value"] = numbers;
+  }
+  void operator()(const link::RegisterName& answer) {
+    result["message"] = "RegisterList";
+    result["transfer_id"] = answer.transfer_id;
+    result["name"] = answer.name;
+  }
   void operator()(const palpate_DeviceState_1_0&) { result["message"] = "DeviceState"; }
   void operator()(const palpate_ModelReport_1_0&) { result["message"] = "ModelReport"; }
   void operator()(const palpate_BasisReport_1_0&) { result["message"] = "BasisReport"; }
@@ -148,6 +177,35 @@ void bind_endpoint(nb::module_& module) {
              const link::OutgoingFrame frame = e.encode(palpate_GetInfo_Request_1_0{});
              return nb::make_tuple(to_bytes(frame), frame.transfer_id);
            })
+      .def(
+          "register_access",
+          [](HostEndpoint& e, const std::string& name, const std::vector<float>& value) {
+            wire::RegisterAccessRequest request{.name = name, .value = {}};
+            if (value.size() > wire::kMaxRegisterValues)
+              throw std::invalid_argument("register " + name + ": at most " +
+                                          std::to_string(wire::kMaxRegisterValues) + " values");
+            if (!value.empty()) request.value.type = wire::RegisterType::real32;
+            for (const float one : value)
+              request.value.bits[request.value.count++] = std::bit_cast<std::uint32_t>(one);
+            const link::OutgoingFrame frame = e.encode(request);
+            return nb::make_tuple(to_bytes(frame), frame.transfer_id);
+          },
+          "name"_a, "value"_a = std::vector<float>{})
+      .def(
+          "register_list",
+          [](HostEndpoint& e, std::uint16_t index) {
+            const link::OutgoingFrame frame = e.encode(wire::RegisterListRequest{index});
+            return nb::make_tuple(to_bytes(frame), frame.transfer_id);
+          },
+          "index"_a)
+      .def(
+          "direct_force",
+          [](HostEndpoint& e, const std::array<float, 3>& force_N) {
+            palpate_DirectForce_1_0 message{};
+            std::copy(force_N.begin(), force_N.end(), message.force_N);
+            return to_bytes(e.encode(message));
+          },
+          "force_N"_a)
       .def(
           "receive",
           [](HostEndpoint& e, const nb::bytes& data, std::uint32_t tick) {
