@@ -31,6 +31,12 @@ void bind_device(nb::module_& module) {
           },
           "setpoint_A"_a, "enabled"_a, "duration_s"_a)
       .def("set_grip", &Plant::set_grip, "grip"_a)
+      .def(
+          "guide",
+          [](Plant& p, const std::array<double, 3>& target_m) {
+            p.guide({.position_m = {target_m[0], target_m[1], target_m[2]}, .velocity_m_s = {}});
+          },
+          "target_m"_a)
       .def_prop_ro("time_s", &Plant::time_s)
       .def_prop_ro("grip", &Plant::grip)
       .def_prop_ro("encoder_counts",

@@ -155,13 +155,13 @@ void bind_endpoint(nb::module_& module) {
   nb::class_<HostEndpoint>(module, "HostEndpoint")
       .def(
           "__init__",
-          [](HostEndpoint* self, const Transport& link) {
+          [](HostEndpoint* self, const Transport* link) {
             link::EndpointOptions options;
             options.first_transfer_id = link::fresh_transfer_id();
-            options.framing = link.framing();
+            if (link != nullptr) options.framing = link->framing();
             new (self) HostEndpoint(options);
           },
-          "link"_a)
+          "link"_a.none())
       .def(
           "command",
           [](HostEndpoint& e, std::uint8_t action, std::uint32_t token) {

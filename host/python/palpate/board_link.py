@@ -2,22 +2,28 @@
 
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.body import Floats
 from palpate.record_layout import BOARD_MODES
 
 # palpate.Command
-_ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP = range(1, 7)
+_ARM_REQUEST, _ARM_CONFIRM, _DISARM, _CALIBRATE, _CLEAR_FAULT, _STOP, _ARM_DIRECT = range(1, 8)
 _TICKS_PER_S = 1000
 _READ_S = 0.05
 # It takes 100 ticks of rest, and begins within a tick or two.
 _CALIBRATION_TICKS = 110
+
+
+def _list(values: Sequence[float] | Floats) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 class BoardLinkError(RuntimeError):
@@ -57,26 +63,60 @@ class BoardState:
     force_N: Floats | None
 
 
+@dataclass(frozen=True)
+class Register:
+    """A register of the board (docs/protocol.md, "Registers"). time_s: of the board's clock, when it was read."""
+
+    name: str
+    values: tuple[float, ...]
+    is_mutable: bool
+    is_persistent: bool
+    time_s: float
+
+
+class Link(Protocol):
+    """What a board is behind."""
+
+    def write(self, frame: bytes) -> bool: ...
+    def read(self, longest_s: float) -> bytes: ...
+    @property
+    def is_open(self) -> bool: ...
+
+
 class BoardLink:
     """A board behind a link. Use as a context manager: when the block ends the board is disarmed and the link closed.
 
     link: a serial port ("/dev/ttyACM0", with `baud`), or an address as in docs/device_api.md ("udp:192.168.1.7:5760").
 
     Arming switches the motors on: keep hands clear and read docs/safety.md first. One thread. Methods raise BoardLinkError
-    when no answer comes in time.
+    when no answer comes in time. A program may bring what carries Cyphal/serial itself (`over`), and the clock that goes with it: tests
+    in virtual time do.
     """
 
-    def __init__(self, link: str, baud: int = 115_200, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self,
+        link: str,
+        baud: int = 115_200,
+        timeout_s: float = 5.0,
+        *,
+        over: Link | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._timeout_s = timeout_s
-        self._started_s = time.monotonic()
+        self.clock = clock
+        self._started_s = clock()
         self._received: deque[dict[str, Any]] = deque()
         self._trace: dict[str, Any] | None = None
         self._armed = False
-        try:
-            self._link = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
-        except RuntimeError as error:
-            raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
-        self._endpoint = _core.HostEndpoint(self._link)
+        self._link: Link
+        if over is not None:
+            self._link, self._endpoint = over, _core.HostEndpoint(None)
+        else:
+            try:
+                transport = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
+            except RuntimeError as error:
+                raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
+            self._link, self._endpoint = transport, _core.HostEndpoint(transport)
         self.name = link
         self._link.write(self._endpoint.get_info()[0])  # over UDP a board answers whom it has heard
 
@@ -119,23 +159,69 @@ class BoardLink:
             force_N=None if trace is None or "force_N" not in trace else trace["force_N"][-1].astype(np.float64),
         )
 
-    def arm(self, patience_s: float = 0.0) -> None:
-        """Switches the outputs on, in the two steps of docs/protocol.md. Raises BoardLinkError where the board is none of the
+    def register_names(self) -> list[str]:
+        """Those of the board's registers, in its order."""
+        names: list[str] = []
+        while True:
+            frame, transfer_id = self._endpoint.register_list(len(names))
+            self._link.write(frame)
+            name = self._wait("RegisterList", transfer_id)["name"]
+            if not name:
+                return names
+            names.append(name)
+
+    def read_register(self, name: str) -> Register:
+        """Raises BoardLinkError where the board has none of that name."""
+        return self._access(name, [])
+
+    def write_register(self, name: str, values: ArrayLike) -> Register:
+        """Three numbers, by joint; in use, and stored where the board can, when it returns. Raises BoardLinkError where the board has
+        no such register, or refuses: out of range, armed, or not stored."""
+        wanted = np.asarray(values, np.float32)
+        now = self._access(name, wanted.tolist())
+        if not now.is_mutable:
+            raise BoardLinkError(f"{self.name}: register {name} can only be read")
+        if now.values != tuple(wanted.tolist()):
+            least, most = self.read_register(name + ">").values, self.read_register(name + "<").values
+            raise BoardLinkError(
+                f"{self.name}: register {name} = {_list(wanted.tolist())}: refused, it is still {_list(now.values)}; must be from {_list(least)} to {_list(most)}, and the board disarmed"
+            )
+        return now
+
+    def _access(self, name: str, values: list[float]) -> Register:
+        try:
+            frame, transfer_id = self._endpoint.register_access(name, values)
+        except ValueError as error:
+            raise BoardLinkError(f"{self.name}: {error}") from None
+        self._link.write(frame)
+        answer = self._wait("RegisterAccess", transfer_id)
+        if answer["value"] is None:
+            raise BoardLinkError(f"{self.name}: no register {name!r}: it has {', '.join(self.register_names())}")
+        return Register(name, tuple(answer["value"]), answer["mutable"], answer["persistent"], 1e-6 * answer["read_us"])
+
+    def push(self, force_N: ArrayLike) -> None:
+        """The force that the tip exerts on the hand from now on (3,), device frame; armed with `direct`, and again within
+        20 ms, or it fades. The board limits it."""
+        self._link.write(self._endpoint.direct_force(np.asarray(force_N, np.float64).tolist()))
+
+    def arm(self, patience_s: float = 0.0, direct: bool = False) -> None:
+        """Switches the outputs on, in the two steps of docs/protocol.md; `direct` for forces of this program (push) in place of
+        a model's. Raises BoardLinkError where the board is none of the
         project's (boards/), whose limits nobody here has checked, or has other message definitions; and with the board's status where
         it refuses: it is not idle, a fault is there, the tip is outside of its workspace or too fast, or it has just missed
         deadlines, as a board that is a process on a busy computer does. While it is idle it is asked again for patience_s."""
         name = self.info().board
         if name not in _core.KNOWN_BOARDS:
             raise BoardLinkError(f"{self.name}: board {name!r} is not armed: must be one of {', '.join(_core.KNOWN_BOARDS)}")
-        deadline_s = time.monotonic() + patience_s
+        deadline_s = self.clock() + patience_s
         self._armed = True  # from here on leave it disarmed, whatever happens
         while True:
             try:
-                token = self._command("arming", _ARM_REQUEST)["token"]
+                token = self._command("arming", _ARM_DIRECT if direct else _ARM_REQUEST)["token"]
                 self._command("confirming", _ARM_CONFIRM, token)
                 return
             except BoardLinkError:
-                if time.monotonic() > deadline_s or self.state().mode != "idle":
+                if self.clock() > deadline_s or self.state().mode != "idle":
                     raise
 
     def disarm(self) -> None:
@@ -147,10 +233,10 @@ class BoardLink:
         """Makes the present pose the reference pose; idle and hand off. Returns when that is done. Raises BoardLinkError where
         the board refuses, or the tip does not come to rest within timeout_s."""
         self._command("calibrating", _CALIBRATE)
-        begun, deadline_s = self.state(), time.monotonic() + self._timeout_s
+        begun, deadline_s = self.state(), self.clock() + self._timeout_s
         now = begun
         while now.mode == "calibrate" or now.tick < begun.tick + _CALIBRATION_TICKS:
-            if time.monotonic() > deadline_s:
+            if self.clock() > deadline_s:
                 raise BoardLinkError(f"{self.name}: calibrating: the tip does not rest")
             now = self.state()
 
@@ -175,7 +261,7 @@ class BoardLink:
 
     def _wait(self, message: str, transfer_id: int | None = None) -> dict[str, Any]:
         """The next message of this name; all before it are dropped, but for the newest trace."""
-        deadline_s = time.monotonic() + self._timeout_s
+        deadline_s = self.clock() + self._timeout_s
         while True:
             while self._received:
                 one = self._received.popleft()
@@ -185,7 +271,7 @@ class BoardLink:
                     return one
             if not self._link.is_open:
                 raise BoardLinkError(f"{self.name}: the link has gone")
-            if time.monotonic() > deadline_s:
+            if self.clock() > deadline_s:
                 raise BoardLinkError(f"{self.name}: no {message} within {self._timeout_s:g} s: is it a board, and awake?")
-            tick = int((time.monotonic() - self._started_s) * _TICKS_PER_S)
+            tick = int((self.clock() - self._started_s) * _TICKS_PER_S)
             self._received += self._endpoint.receive(self._link.read(_READ_S), tick)

@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | fuzz | flash | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | calibrate | fuzz | flash | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -259,6 +259,16 @@ def build_parser() -> argparse.ArgumentParser:
     )
     stability.add_argument("--quick", action="store_true", help="three rates, two dampings, shorter trials")
     add_out(stability, "out/stability")
+    calibrate = add("calibrate", "find what is the arm's and its amplifiers' own, step by step, and keep it on the board")
+    calibrate.add_argument("link", metavar="LINK", help="the board: a serial port, or an address as in docs/device_api.md (udp:, can:, usb:)")
+    calibrate.add_argument("--steps", nargs="+", metavar="STEP", help="only these: direction, zero, monitors, sweep, friction, gravity")
+    calibrate.add_argument(
+        "--set", action="append", default=[], metavar="NAME=A,B,C", help="write this register first, one number a joint; alone, without steps"
+    )
+    calibrate.add_argument("--show", action="store_true", help="read the registers and do nothing")
+    calibrate.add_argument("--yes", action="store_true", help="do not wait for the Enter key: what is asked for is watched for")
+    calibrate.add_argument("--patience", type=float, default=30.0, metavar="S", help="how long a motion is waited for (default: 30 s)")
+    add_out(calibrate, "out/calibrate")
     if SOURCE is not None:
         add_fuzz_options(add("fuzz", "fuzz what decodes bytes and files from elsewhere"))
     flash = add("flash", "put the image of a board into its part, by OpenOCD, st-flash or DFU; untried on silicon")
@@ -728,6 +738,41 @@ def _flash(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _calibrate(arguments: argparse.Namespace) -> int:
+    from palpate.board_link import BoardLink
+    from palpate.calibration import command
+
+    settings = [command.parse_setting(text) for text in arguments.set]
+    if not 0.0 < arguments.patience < 3600.0:
+        raise SceneError(f"--patience = {arguments.patience:g}: must be in (0, 3600) s")
+    steps = command.parse_steps([] if arguments.show or (settings and not arguments.steps) else arguments.steps)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+
+    def ask(_: str, text: str) -> None:
+        print(text, file=table, flush=True)
+        if not arguments.yes:
+            print("Enter, when it is so: ", end="", file=sys.stderr, flush=True)
+            if not sys.stdin.readline():
+                raise SceneError("the standard input has ended: --yes does without the Enter key")
+
+    with BoardLink(arguments.link) as board:
+        values: dict[str, Any]
+        if arguments.show:
+            board.info()
+            values = {"command": "calibrate", "ok": True, "after": command.registers(board)}
+        else:
+            folder = _output_folder(arguments, "calibrate")
+            values = command.calibrate(
+                board, steps, settings, ask, lambda line: print(line, file=table, flush=True), arguments.patience, folder
+            )
+    for name, register in values["after"].items():
+        kept = "kept" if register["persistent"] else "until the next start"
+        print(f"{name:<28} {', '.join(f'{value:10.5g}' for value in register['values'])}  {kept}", file=table)
+    if arguments.json:
+        print(json.dumps(values))
+    return OK if values["ok"] else FAILED
+
+
 def _doctor(arguments: argparse.Namespace) -> int:
     from palpate import doctor
 
@@ -773,6 +818,7 @@ def main(argv: Sequence[str]) -> int:
             "device": _device,
             "choose": _choose,
             "flash": _flash,
+            "calibrate": _calibrate,
             "doctor": _doctor,
             "completion": _completion,
         }

@@ -36,6 +36,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "./run device",
         "./run device scenes/press.toml --play --link udp-listen:127.0.0.1:5760 --duration 10",
     ),
+    "calibrate": (
+        "./run calibrate /dev/ttyACM0",
+        "./run calibrate /dev/ttyACM0 --show --json",
+        "./run calibrate /dev/ttyACM0 --set setpoint.gain=1.02,0.99,1",
+    ),
     "flash": ("./run flash --board nucleo_g474re", "./run flash --board nucleo_g474re --medium usb --by dfu-util"),
     "doctor": ("./run doctor", "./run doctor --json"),
     "completion": ("source <(./run completion bash)",),

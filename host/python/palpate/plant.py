@@ -55,6 +55,11 @@ class Plant:
         """How firmly the hand holds the tool from now on, in [0, 1]."""
         self._core.set_grip(grip)
 
+    def guide(self, target_m: ArrayLike) -> None:
+        """From now on the hand means to be there (3,), device frame, whatever the path is. Raises ValueError for what is not finite and
+        for a hand that is none (of another kind than impedance)."""
+        self._core.guide(vector3("target_m", target_m).tolist())
+
     @property
     def time_s(self) -> float:
         """How long it has been advanced."""

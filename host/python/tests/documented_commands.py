@@ -77,6 +77,9 @@ RUN = {
 
 # command -> the test that runs it, or the part of it that costs.
 TESTED = {
+    "./run calibrate /dev/ttyACM0": "hil_tests/test_calibrate.py::test_the_command_writes_its_report",
+    "./run calibrate /dev/ttyACM0 --show --json": "hil_tests/test_calibrate.py::test_the_command_at_a_board_in_real_time",
+    "./run calibrate /dev/ttyACM0 --set setpoint.gain=1.02,0.99,1": "hil_tests/test_calibrate.py::test_the_command_at_a_board_in_real_time",
     "./run flash --board nucleo_g474re": "host/python/tests/test_flash.py::test_openocd_programs_verifies_and_starts_the_image",
     "./run flash --board nucleo_g474re --medium usb --by dfu-util": "host/python/tests/test_flash.py::test_others_get_the_image_as_it_lies_in_flash",
     "./run run scenes/stick.toml --board nucleo_g474re --medium canfd --set model.builder=hybrid": "hil_tests/test_nucleo.py::test_a_scene_over_can_fd",

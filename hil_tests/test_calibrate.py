@@ -1,0 +1,168 @@
+"""`palpate calibrate` in virtual time: the firmware as a process beside an arm with encoders, monitors and amplifiers that are wrong, and an operator who
+moves it as he is asked (calibration_bench.py). What is found is held against what the arm was given."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from board_peer import lockstep, serial_terminal
+from calibration_bench import Bench, FaultyArm, Operator
+
+from palpate import cli
+from palpate.board_link import BoardLink, BoardLinkError
+from palpate.calibration import command
+from palpate.calibration.steps import STEPS, Calibration, StepError
+
+FAULTY = FaultyArm(encoder_sign=(1, -1, -1), monitor_offset_A=(0.2, -0.1, 0.05), monitor_noise_A=0.01, setpoint_offset_A=(0.03, -0.04, 0.02))
+# shared/device/parameters.hpp and what follows from it (firmware/core/tuning.hpp).
+COULOMB_N_m, GRAVITY_N_m = (8.6e-3, 8.6e-3, 6.8e-3), (0.0, -0.01629, -0.07374)
+# Of 100 readings with 0.01 A of noise each the mean is 1 mA off; three of that.
+MONITOR_BOUND_A = 3e-3
+# Of 8,000 readings it is 0.1 mA; the monitors' own offset comes on top.
+SETPOINT_BOUND_A = 4e-3
+# 0.01 A are 3.1 mN m of a reading; of some 1,200 used points (each a smoothed one, so that half as many are free) 0.13 remains: 0.4 are three
+# standard deviations. Viscous friction, taken for Coulomb's, adds 0.1; the plant's smoothed sign at 0.1 rad/s takes 0.1 % of it.
+TORQUE_BOUND_N_m = 0.6e-3
+# At 0.5 rad/s all that Coulomb's bound leaves may be taken for viscous friction.
+VISCOUS_BOUND_N_m_s = TORQUE_BOUND_N_m / 0.5
+
+
+@pytest.fixture
+def bench_of(tmp_path):
+    """Makes a board with such an arm, 50 ticks after its start, and a calibration with its operator."""
+    import contextlib
+
+    with contextlib.ExitStack() as stack:
+
+        def make(faults: FaultyArm, patience_s: float = 2.0) -> tuple[Calibration, Operator]:
+            board = stack.enter_context(lockstep("native", tmp_path / f"board{len(list(tmp_path.iterdir()))}"))
+            bench = Bench(board, faults)
+            for _ in range(50):
+                bench.tick()
+            operator = Operator(bench)
+            link = BoardLink("bench", over=bench, clock=bench.clock)
+            return Calibration(link, operator.ask, patience_s), operator
+
+        yield make
+
+
+def registers(calibration: Calibration) -> dict[str, list[float]]:
+    return {name: one["values"] for name, one in command.registers(calibration.board).items()}
+
+
+def test_the_command_writes_its_report(bench_of, tmp_path):
+    """All steps; what they find against what the arm was given, on the board afterwards, and in the report."""
+    calibration, operator = bench_of(FAULTY)
+    said: list[str] = []
+    values = command.calibrate(calibration.board, tuple(STEPS), [], operator.ask, said.append, 2.0, tmp_path / "out")
+    assert values["ok"], said
+    assert [one["step"] for one in values["steps"]] == list(STEPS)
+    assert operator.keys == ["base", "upper arm", "forearm", "zero", "hold", "release", "take"]
+    found = registers(calibration)
+    assert found["encoder.sign"] == [1, -1, -1]
+    np.testing.assert_allclose(found["monitor.offset_a"], FAULTY.monitor_offset_A, atol=MONITOR_BOUND_A)
+    np.testing.assert_allclose(found["setpoint.offset_a"], FAULTY.setpoint_offset_A, atol=SETPOINT_BOUND_A)
+    np.testing.assert_allclose(found["friction.coulomb_n_m"], COULOMB_N_m, atol=TORQUE_BOUND_N_m)
+    assert all(0 <= value <= VISCOUS_BOUND_N_m_s for value in found["friction.viscous_n_m_s"])
+    np.testing.assert_allclose(found["gravity.torque_n_m"], GRAVITY_N_m, atol=TORQUE_BOUND_N_m)
+    assert found["friction.compensated_share"] == [0, 0, 0]  # whose decision is the user's
+    report = json.loads((tmp_path / "out" / command.RESULTS).read_text("utf-8"))
+    assert report["before"]["encoder.sign"]["values"] == [1, 1, 1]
+    assert {name: one["values"] for name, one in report["after"].items()} == found
+    assert not report["after"]["encoder.sign"]["persistent"]  # a process keeps nothing
+    assert (tmp_path / "out" / command.PICTURE).stat().st_size > 10_000
+
+    # With half of the friction compensated the arm stays where it is let go: no motion comes of it.
+    calibration.board.write_register("friction.compensated_share", [0.5] * 3)
+    bench = operator.bench
+    calibration.board.arm(direct=True)
+    bench.plant.set_grip(0.0)
+    for _ in range(50):
+        calibration.board.push(np.zeros(3))
+        calibration.sample()
+    before = bench.plant.joint_rad.copy()
+    for _ in range(100):
+        calibration.board.push(np.zeros(3))
+        calibration.sample()
+    # The plant's joints creep instead of sticking, at 5 mrad/s times what is left of weight over friction, 15 % of 8 mN m: 1 mrad/s over 0.3 s.
+    assert np.abs(bench.plant.joint_rad - before).max() < 1e-3
+    assert calibration.board.state().mode == "direct"
+    calibration.board.disarm()
+
+
+def fails(calibration: Calibration, step: str, why: str) -> None:
+    """The step says why, and the board has what it had."""
+    before = registers(calibration)
+    with pytest.raises(StepError, match=why):
+        STEPS[step](calibration)
+    assert registers(calibration) == before
+
+
+def test_each_step_says_why_it_fails_and_leaves_the_board_as_it_was(bench_of):
+    calibration, operator = bench_of(FaultyArm(dead=(1,)))
+    fails(calibration, "direction", "upper arm did not move: counts .* must be at least 438")
+    operator.overrides = {"base": lambda bench: bench.move_hand((0.0, 0.0, 0.15))}
+    fails(calibration, "direction", "base was asked for, but forearm moved")
+    operator.overrides = {"base": lambda bench: bench.move_hand((0.12, 0.0, -0.1))}
+    fails(calibration, "direction", "base was asked for, but forearm moved|more than base moved")
+    calibration, operator = bench_of(FaultyArm(exchanged=(0, 2)))
+    fails(calibration, "direction", "base was asked for, but forearm moved: .*exchanged")
+    operator.overrides = {"zero": lambda bench: bench.move_hand((0.3, 0.2, 0.1))}
+    fails(calibration, "zero", "hold the arm still|off their zero")
+    calibration, operator = bench_of(FaultyArm(monitor_noise_A=0.3))
+    fails(calibration, "monitors", "noise of the monitors .* must be at most 0.1 A")
+    calibration, operator = bench_of(FaultyArm(monitor_offset_A=(2.0, 0.0, 0.0)))
+    fails(calibration, "monitors", "monitor.offset_a of the base would be 2 A: must be from -1.2 to 1.2 A")
+    fails(calibration, "gravity", "there are no sweeps")
+    operator.overrides = {"hold": lambda bench: bench.move_hand((0.6, 0.0, 0.0)) or [bench.tick() for _ in range(3000)]}
+    fails(calibration, "sweep", r"the joints are at \+0\.\d+, .* must be within 0.35 rad")
+
+
+def test_a_tool_that_is_held_gives_no_friction(bench_of):
+    calibration, operator = bench_of(FaultyArm())
+    operator.overrides = {"release": lambda bench: None}
+    before = registers(calibration)
+    try:
+        STEPS["sweep"](calibration)
+        with pytest.raises(StepError, match="held|touched"):
+            STEPS["friction"](calibration)
+    except StepError as error:
+        assert "does not follow" in str(error)
+    assert calibration.board.state().mode == "idle"
+    assert registers(calibration)["friction.coulomb_n_m"] == before["friction.coulomb_n_m"]
+
+
+def test_a_setting_out_of_range_is_refused_with_the_range(bench_of):
+    calibration, _ = bench_of(FaultyArm())
+    with pytest.raises(BoardLinkError, match=r"setpoint.gain = 2, 1, 1: refused, it is still 1, 1, 1; must be from 0.75"):
+        calibration.board.write_register("setpoint.gain", [2, 1, 1])
+    with pytest.raises(BoardLinkError, match="no register 'no.such': it has encoder.sign"):
+        calibration.board.read_register("no.such")
+    with pytest.raises(BoardLinkError, match="can only be read"):
+        calibration.board.write_register("arm.sample", [1, 1, 1])
+
+
+@pytest.mark.real_time
+def test_the_command_at_a_board_in_real_time(tmp_path, capsys):
+    with serial_terminal("native", tmp_path) as terminal:
+        out = ["--out", str(tmp_path / "out")]
+        assert cli.main(["calibrate", terminal, "--set", "setpoint.gain=1.02,0.99,1", "--json", *out]) == 0
+        values = json.loads(capsys.readouterr().out)
+        np.testing.assert_allclose(values["after"]["setpoint.gain"]["values"], [1.02, 0.99, 1.0], rtol=1e-6)
+        assert values["steps"] == []
+        assert cli.main(["calibrate", terminal, "--show", "--json"]) == 0
+        np.testing.assert_allclose(json.loads(capsys.readouterr().out)["after"]["setpoint.gain"]["values"], [1.02, 0.99, 1.0], rtol=1e-6)
+        # Nobody moves the encoders of a board without a plant.
+        assert cli.main(["calibrate", terminal, "--steps", "direction", "--yes", "--patience", "0.2", *out]) == 1
+        assert "base did not move" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [(["--set", "setpoint.gain=1,2"], "three numbers"), (["--set", "no.such=1,1,1"], "must be one of"), (["--steps", "dance"], "must be one of direction"),
+     (["--patience", "0"], "must be in")],
+)  # fmt: skip
+def test_bad_input_is_told_before_a_board_is_asked(arguments, why, capsys, tmp_path: Path):
+    assert cli.main(["calibrate", str(tmp_path / "nothing"), *arguments]) == 2
+    assert why in capsys.readouterr().err
