@@ -64,9 +64,9 @@ def calibrate(
     info = board.info()
     calibration = Calibration(board, ask, patience_s)
     before = registers(board)
-    for name, values in settings:
-        calibration.write(name, np.array(values))
-        tell(f"{name} = {', '.join(f'{value:g}' for value in values)}")
+    for name, wanted in settings:
+        calibration.write(name, np.array(wanted))
+        tell(f"{name} = {', '.join(f'{value:g}' for value in wanted)}")
     done: list[dict[str, Any]] = []
     for name in steps:
         tell(f"{name} ...")
@@ -79,11 +79,11 @@ def calibrate(
         done.append({"step": name, "ok": True, **found})
         tell(f"{name}: {_said(found)}")
     after = registers(board)
-    values = {"command": "calibrate", "board": info.board, "steps": done, "ok": all(one["ok"] for one in done),
-              "before": before, "after": after, "fits": [vars(fit) for fit in calibration.fits]}  # fmt: skip
+    # A joint without weight has no torque of it: JSON has no NaN.
+    fits = [{name: None if math.isnan(value) else value for name, value in vars(fit).items()} for fit in calibration.fits]
+    values: dict[str, Any] = {"command": "calibrate", "board": info.board, "steps": done, "ok": all(one["ok"] for one in done),
+                              "before": before, "after": after, "fits": fits}  # fmt: skip
     files = {RESULTS: str(out / RESULTS)}
-    for fit in values["fits"]:
-        fit["gravity_N_m"] = None if math.isnan(fit["gravity_N_m"]) else fit["gravity_N_m"]
     (out / RESULTS).write_text(json.dumps(values, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     if calibration.sweeps:
         _draw(calibration, out / PICTURE)
