@@ -128,10 +128,32 @@ TEST_F(LinkLoss, AHostThatSaysThatNothingIsNearOwesNoModel) {
     ASSERT_EQ(state_.force_N, Vec3f{});
   }
   EXPECT_EQ(state_.mode, Mode::render);
+  // And the next model is no return: its contact has only begun, and loses nothing.
   near_again();
-  // And the next model is no return: its force is there at once, but for the step.
-  ticks(static_cast<std::uint32_t>(kForce_N.z / limits_.force_step_N), true);
+  in_.force_N = {0.0f, 0.0f, limits_.force_step_N};
+  EXPECT_EQ(tick(true).state.force_N, in_.force_N);
+  for (float force_N = limits_.force_step_N; force_N <= kForce_N.z; force_N += limits_.force_step_N) {
+    in_.force_N.z = force_N;
+    ASSERT_EQ(tick(true).state.force_N, in_.force_N);
+  }
+}
+
+// A model that had to wait, for its basis or for the host, while the tip pressed on: nothing was felt until
+// then.
+TEST_F(LinkLoss, AContactThatNoModelKnewOfBeginsFromZero) {
+  say_nothing_is_near();
+  ticks(700, true);
+  near_again();
+  EXPECT_EQ(tick(true).state.force_N, Vec3f{});
+  largest_step_N_ = 0.0f;
+  expect_soft_start();
   EXPECT_EQ(state_.force_N, kForce_N);
+  EXPECT_NEAR(largest_step_N_, norm(kForce_N) / static_cast<float>(limits_.soft_start_ticks),
+              kForceRounding_N);
+  // Once: what changes from then on does so as fast as ever.
+  in_.force_N = {};
+  tick(true);
+  EXPECT_NEAR(norm(state_.force_N), norm(kForce_N) - limits_.force_step_N, kForceRounding_N);
 }
 
 TEST_F(LinkLoss, AHostThatIsSilentAfterItHasSaidSoIsLost) {

@@ -300,6 +300,8 @@ void follow_models(SupervisorState& state, const SupervisorInputs& in, const Lim
                    FaultSet rendering) {
   const Wanted wanted = wanted_force(state, in, limits);
   const bool nothing_is_near = says_nothing_is_near(in);
+  const bool was_nothing_near = state.nothing_was_near;
+  state.nothing_was_near = nothing_is_near;
   if (state.mode == Mode::render) {
     if (is_cut_off(in, limits, wanted)) {
       state.force_was_lost = true;
@@ -309,7 +311,11 @@ void follow_models(SupervisorState& state, const SupervisorInputs& in, const Lim
       return;
     }
     if (is_fresh(wanted) || nothing_is_near) state.damping_ticks = 0;
-    if (is_fresh(wanted) && !nothing_is_near) state.force_was_lost = false;
+    if (is_fresh(wanted) && !nothing_is_near) {
+      // A contact that no model knew of has grown meanwhile: it is not met within a few ticks.
+      if (was_nothing_near && norm(wanted.force_N) > limits.force_step_N) state.soft_start_ticks = 0;
+      state.force_was_lost = false;
+    }
   } else if (state.mode == Mode::suspended && !is_silent(in, limits) && is_fresh(wanted) && rendering == 0 &&
              !is_lost(state, in, limits)) {
     enter(state, Mode::render);

@@ -201,6 +201,7 @@ struct SupervisorState {
   bool position_trusted = true;             // false after an encoder jump, until a calibration
   Vec3f force_N{};                          // as rendered in the last tick
   bool force_was_lost = false;              // no force before a fresh model, and that from zero
+  bool nothing_was_near = false;            // by the model in use
   std::uint32_t soft_start_ticks = 0;       // since the force began to rise
   std::uint32_t damping_ticks = 0;          // since the newest fresh model
   float energy_J = 0.0f;                    // the bucket

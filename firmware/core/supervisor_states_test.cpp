@@ -104,7 +104,7 @@ class AllStates : public ::testing::Test {
       return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
                              s.token_is_direct, s.token_node, s.over_current_ticks, s.missed_deadline_level,
                              s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z, s.force_was_lost,
-                             s.soft_start_ticks, s.damping_ticks, s.energy_J);
+                             s.nothing_was_near, s.soft_start_ticks, s.damping_ticks, s.energy_J);
     }
     bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
   };
