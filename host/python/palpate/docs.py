@@ -1,4 +1,4 @@
-"""Writes the tables of docs/scenes.md, records.md and frontier.md from the declarations in the code, that of numbers.md
+"""Writes the tables of docs/scenes.md, records.md and frontier.md from the declarations in the code, those of numbers.md and faults.md
 from the measurements in docs/numbers, and the programs that stand in other pages.
 
 `python -m palpate.docs` rewrites what stands between the markers `<!-- begin NAME -->` and `<!-- end NAME -->`;
@@ -22,6 +22,7 @@ from palpate.scene_schema import Choice, Flag, ListOf, TablesOf, Text, key_specs
 from palpate.scene_sections import SceneFile
 
 NUMBERS = ROOT / "docs/numbers/scenes.json"
+FAULTS = ROOT / "docs/numbers/faults.json"
 # Programs that stand in a page: a forge shows the page as it is, so the text is in it and not included when the site is built.
 LISTINGS = {
     "listen_with_pycyphal": "docs/examples/listen_with_pycyphal.py",
@@ -142,6 +143,35 @@ def numbers_table(measured: Mapping[str, Any]) -> str:
     return f"Measured with version {measured['version']} on `{measured['board']}`.\n\n{_table(header, rows)}"
 
 
+def faults_table(measured: Mapping[str, Any]) -> str:
+    """The matrix of one medium (host/bench/fault_numbers.py)."""
+
+    def ticks(value: float | None) -> str:
+        return "" if value is None else f"{value:,}"
+
+    rows = [
+        [
+            row["group"],
+            f"{row['cases']}",
+            f"{row['step_N']:.2f}",
+            f"{row['rise_N']:.2f}",
+            f"{row['left_N']:.2f}",
+            *(ticks(row[name]) for name in ("force_gone_ticks", "outputs_off_ticks", "recovery_ticks")),
+            f"{row['lost']:,} of {row['removed']:,}",
+        ]
+        for row in measured["groups"]
+    ]
+    header = ["group", "cases", "largest change, N a tick", "largest rise over the same tick, N", "left of rule 3, N", "force gone, ms",
+              "outputs off, ms", "first model again, ms", "frames lost, of those removed"]  # fmt: skip
+    free, closest = measured["fault_free"], measured["closest"]
+    verdict = "no rule broken" if measured["passed"] else "a rule is broken"
+    words = (
+        f"{sum(row['cases'] for row in measured['groups'])} cases, {verdict}. Without faults {free['force_N']:.2f} N and "
+        f"{free['step_N']:.3f} N in a tick at most. Closest to rule 3: `{closest['case']}`, {closest['left_N']:.2f} N left."
+    )
+    return f"{words}\n\n{_table(header, rows)}"
+
+
 def blocks() -> dict[str, str]:
     """Generated text by the name in its markers."""
     return {
@@ -168,6 +198,7 @@ def blocks() -> dict[str, str]:
             ["sweep", "values"], [[f"`{name}`", "; ".join(values)] for name, values in points.SWEEPS.items()]
         ),
         "scene_numbers": numbers_table(json.loads(NUMBERS.read_text("utf-8"))),
+        **{f"faults_{medium}": faults_table(one) for medium, one in json.loads(FAULTS.read_text("utf-8"))["media"].items()},
         "counters": _table(
             ["attribute", "meaning"], [[f"`{k}`", v] for k, v in record_layout.RUN_COUNTERS.items()]
         ),
@@ -186,7 +217,7 @@ def rewrite(text: str) -> str:
     return _MARKED.sub(lambda m: f"<!-- begin {m[1]} -->\n{generated[m[1]]}\n<!-- end {m[1]} -->", text)
 
 
-FILES = tuple(ROOT / f"docs/{name}.md" for name in ("scenes", "records", "frontier", "numbers", "protocol", "device_api", "first_evening"))
+FILES = tuple(ROOT / f"docs/{name}.md" for name in ("scenes", "records", "frontier", "numbers", "faults", "protocol", "device_api", "first_evening"))
 
 
 def outdated(files: Sequence[Path] = FILES) -> list[Path]:

@@ -31,7 +31,8 @@ def choose(names: Sequence[str] | None, quick: bool, medium: str = "uart") -> tu
     for name in names or ():
         if name not in known:
             groups = ", ".join(dict.fromkeys(case.group for case in every))
-            raise SceneError(f"--only {name}: must be a group ({groups}) or the name of a case")
+            names_of = ", ".join(case.name for case in every)
+            raise SceneError(f"--only {name}: must be a group ({groups}) or the name of a case ({names_of})")
     cases = chosen(names, quick, medium)
     if not cases:
         stand = ", ".join(case.name for case in every if case.quick)
@@ -98,8 +99,8 @@ def bench_faults(
 
     Raises SceneError, hil.BoardError, or what the core raises.
     """
-    check_folder(out)
     cases = choose(names, quick, medium)
+    check_folder(out)
     good, results, valid_ticks = run_matrix(core, cases, board, medium, progress)
     values = to_dict(good, results, valid_ticks, board, medium, quick)
     (out / RESULTS).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")

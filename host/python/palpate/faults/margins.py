@@ -9,6 +9,7 @@ from palpate.faults.rules import (
     FADE_TICKS,
     MOTOR_CURRENT_A,
     PEAK_FORCE_N,
+    ROUNDING,
     SIGN_TICKS,
     TIP_SPEED_M_S,
     Result,
@@ -37,7 +38,9 @@ def smallest_margins(results: Sequence[Result], valid_ticks: int) -> list[Margin
         for result in results:
             value, most = value_of(result), result.numbers[limit] if isinstance(limit, str) else limit
             if value is not None:
-                known.append(Margin(rule, what, unit, value, most, most - value, result.case.name))
+                # Rounding of a limit that is just reached is nothing beyond it.
+                left = 0.0 if -ROUNDING <= most - value < 0.0 else most - value
+                known.append(Margin(rule, what, unit, value, most, left, result.case.name))
         if known:
             margins.append(min(known, key=lambda margin: margin.left))
 

@@ -9,8 +9,8 @@ from typing import Any
 from palpate.reproduce.report import STYLE, format_number, verdict
 
 _RULES = (
-    "Limits. In every tick force, set-points and the tip\u2019s speed are within the device\u2019s, and no set-point is given while "
-    "outputs are off.",
+    "Limits. In every tick force, set-points and the tip\u2019s speed are within the device\u2019s (but for rounding, 0.0001), and no set-point "
+    "is given while outputs are off.",
     "Ramps. While outputs are on, the force changes in a tick by at most 0.5 N more than it ever does without faults; faults of the "
     "board cut instead.",
     "A fault does not raise the force by more than 0.5 N over that of the same tick without it, or over what the full body says "
@@ -31,7 +31,7 @@ def write_report(file: Path, values: dict[str, Any], pictures: Sequence[Path]) -
     titles = (
         "Left: how long after the beginning of the fault the model\u2019s force is gone and outputs are off. Middle: the largest change of "
         "force in a tick. Right: force above that of the run without the fault.",
-        "Force over time, of each group of cases (lines) and without faults (dashed).",
+        "Force over time, of each case and without faults (dashed); below, how long each fault lasts.",
     )
     text = f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
