@@ -16,6 +16,7 @@ from board_peer import BUILD_HOST, REPOSITORY
 
 import palpate
 from palpate.scene import make_scene
+from palpate.virtual_device import PathPlayer
 
 pytestmark = pytest.mark.real_time
 LIBRARY = BUILD_HOST / "host/device_api"
@@ -96,7 +97,9 @@ def test_the_command_over_udp_as_json():
 
 
 @pytest.mark.parametrize(("arguments", "text"), [
-    (["--link", "tin-can:"], "allowed serial:PATH"),
+    (["--link", "tin-can:"], "offered at pty:, udp-listen:[HOST:]PORT"),
+    (["--link", "udp:127.0.0.1:5760"], "offered at pty:, udp-listen:[HOST:]PORT"),
+    (["--set", "link.medium=usb"], "--set link.medium: a device takes no [link]"),
     (["--duration", "-1"], "--duration = -1"),
     (["nowhere.toml"], "nowhere.toml"),
 ])  # fmt: skip
@@ -117,6 +120,26 @@ def test_the_hand_can_be_led_and_the_tip_follows():
         # The arm's weight, which nobody carries while outputs are off, pulls the hand down by millimetres.
         while np.linalg.norm(device.state.tip_m - target_m) > 5e-3:
             assert device.state.tick < 60_000
+
+
+def test_a_path_is_played_again_and_again():
+    calls = []
+
+    class Device:
+        def play_path(self):
+            calls.append("play")
+
+        def guide_hand(self, target_m):
+            calls.append(tuple(target_m))
+
+    # 0.1 m back: 0.4 s and 1 s of rest, behind 2 s of path.
+    player = PathPlayer({"time_s": [0.0, 2.0], "position_m": [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]})
+    told = {}
+    for tick in range(5000, 9000, 200):
+        player.step(Device(), tick)
+        told[tick] = list(calls)
+        calls.clear()
+    assert {tick: what for tick, what in told.items() if what} == {5000: ["play"], 7200: [(0.0, 0.0, 0.0)], 8400: ["play"]}
 
 
 def test_only_the_interface_is_exported():

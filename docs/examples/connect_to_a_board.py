@@ -30,7 +30,11 @@ def watch(port: str) -> None:
 
 
 if len(sys.argv) > 1:
-    watch(sys.argv[1])
+    try:
+        watch(sys.argv[1])
+    except palpate.BoardLinkError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
 else:
     command = [str(BOARDS["native"].image), "--pty"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as firmware:

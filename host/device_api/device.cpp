@@ -61,6 +61,21 @@ std::string mode_name(std::uint8_t mode) {
   return mode < std::size(kModes) ? kModes[mode] : std::to_string(mode);
 }
 
+// By the bits of palpate::firmware::Fault (firmware/core/supervisor.hpp).
+constexpr const char* kFaults[] = {
+    "emergency_stop",    "stop_command", "not_a_number",      "encoder_jump",    "over_speed",
+    "outside_workspace", "over_current", "force_implausible", "deadline_missed", "link_lost",
+    "energy_created",    "motor_heat",   "current_tracking",  "supply_low"};
+
+std::string fault_names(unsigned faults) {
+  std::string names;
+  for (std::size_t bit = 0; bit < 16; ++bit)
+    if ((faults >> bit & 1u) != 0)
+      names += (names.empty() ? "" : ", ") +
+               (bit < std::size(kFaults) ? std::string(kFaults[bit]) : "bit " + std::to_string(bit));
+  return names;
+}
+
 // Of its own for each program on this computer, so that the board can tell them apart; palpate's host is node
 // 10, the board 42.
 std::uint16_t own_node() {
@@ -241,7 +256,7 @@ struct palpate_device {
   }
   [[nodiscard]] std::string condition() const {
     return mode_name(state->mode) +
-           (state->faults != 0 ? ", faults " + std::to_string(state->faults) + " (docs/safety.md)" : "");
+           (state->faults != 0 ? ", faults " + fault_names(state->faults) + " (docs/safety.md)" : "");
   }
   [[nodiscard]] bool is_lost() const { return !link->is_open() || Clock::now() - arrived > kSilence; }
 

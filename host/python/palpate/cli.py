@@ -34,6 +34,8 @@ _EPILOG = (
     "file, key, value and allowed range. Scenes: docs/scenes.md. Results: docs/records.md."
 )
 
+_BUILD = "./run build --board NAME builds a board's firmware and measures its longest tick, and nothing else."
+
 
 class _Parser(argparse.ArgumentParser):
     """Complains on one line."""
@@ -63,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="palpate",
         description="Haptic rendering of deformable bodies: firmware, plant and body in one repeatable loop.",
-        epilog=_EPILOG,
+        epilog=_EPILOG if SOURCE is None else f"{_BUILD} {_EPILOG}",
     )
     parser.add_argument(
         "--version", action=_ShowVersions, nargs=0, help="versions of host, message schema and firmware"
@@ -214,9 +216,9 @@ def build_parser() -> argparse.ArgumentParser:
     add_set(device)
     device.add_argument("--board", choices=tuple(BOARDS), default="native", help="where the firmware runs (default: native)")
     device.add_argument(
-        "--link", default="pty:", metavar="ADDRESS", help="pty: (default), udp-listen:[HOST:]PORT, can:INTERFACE or canfd:INTERFACE; the address to open is the first line (with --json of standard error)"
+        "--link", default="pty:", metavar="ADDRESS", help="pty: (default), udp-listen:[HOST:]PORT, serial:PATH[,BAUD], can:INTERFACE or canfd:INTERFACE; the address to open is the first line (with --json of standard error)"
     )
-    device.add_argument("--play", action="store_true", help="the hand follows the scene's path")
+    device.add_argument("--play", action="store_true", help="the hand follows the scene's path, again and again: back at its beginning it waits 1 s")
     device.add_argument("--duration", type=float, metavar="S", help="end after so many seconds (default: when it is interrupted)")
     choose = add("choose", "show what the rule makes of a scene's \"auto\", and why, line by line")
     add_scene(choose)
@@ -591,7 +593,11 @@ def _gui(arguments: argparse.Namespace) -> int:
 def _device(arguments: argparse.Namespace) -> int:
     from palpate.virtual_device import run_device
 
-    scene = load_scene(arguments.scene, _overrides(arguments))
+    overrides = _overrides(arguments)
+    for name in overrides:
+        if name.startswith("link.") and not name.startswith("link.faults"):
+            raise SceneError(f"--set {name}: a device takes no [link] of its scene; its link is --link (palpate device --help)")
+    scene = load_scene(arguments.scene, overrides)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
     numbers = run_device(
         scene, arguments.board, arguments.link, arguments.play, arguments.duration, lambda address: print(address, file=table, flush=True)

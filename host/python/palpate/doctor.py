@@ -29,6 +29,7 @@ def plain(text: str, colour: Colour) -> str:
 
 
 _BOARD_PATIENCE_S = 1.0  # until a board that is there has answered
+_BUILT_BY_RUN = ("native", "mps2_an386", "mps2_an500")  # by every command of ./run; other boards by `./run build`
 
 
 @dataclass(frozen=True)
@@ -107,16 +108,17 @@ def check_host() -> Check:
 def check_firmware(firmware: versions.Firmware, host_schema: int | None) -> Check:
     """Is a board's image there, of the host's version and schema?"""
     name = f"firmware {firmware.board}"
-    needed = SOURCE is not None or firmware.board == "native"
+    always_built = firmware.board in _BUILT_BY_RUN
+    needed = always_built if SOURCE else firmware.board == "native"
+    build = "./run --help" if always_built else f"./run build --board {firmware.board}"
     if firmware.version is None:
-        remedy = "./run --help builds it" if SOURCE else "only in the source tree"
-        return Check(name, False, firmware.problem, remedy, needed)
+        return Check(name, False, firmware.problem, f"{build} builds it" if SOURCE else "only in the source tree", needed)
     found = f"{firmware.version}, message schema {versions.schema_text(firmware.schema)}"
     if host_schema is not None and firmware.schema != host_schema:
         wrong = f"{found}: not the host's, {versions.schema_text(host_schema)}"
-        return Check(name, False, wrong, "build both again: ./run --help", needed)
+        return Check(name, False, wrong, f"build both again: {build}", needed)
     if firmware.version != __version__:
-        return Check(name, False, f"{found}: not the host's {__version__}", "build both again: ./run --help", needed)
+        return Check(name, False, f"{found}: not the host's {__version__}", f"build both again: {build}", needed)
     return Check(name, True, found, needed=needed)
 
 

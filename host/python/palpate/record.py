@@ -152,6 +152,8 @@ def load(file: Path) -> Record:
 
 
 def _open(file: Path) -> h5py.File:
+    if file.exists() and not file.is_file():
+        raise RecordError("no regular file: must be a record (docs/records.md)")
     if not file.is_file():
         raise RecordError("no such file: must be a record (docs/records.md)")
     if not os.access(file, os.R_OK):

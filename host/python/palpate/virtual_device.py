@@ -27,6 +27,9 @@ from palpate.scene import Scene, SceneError
 PSEUDO_TERMINAL = "pty:"
 _SIGN_S = 1.0  # between two looks at the tick, for the watchdog
 _SHOW_S = 0.2  # between two lines of the command
+_LINKS = "pty:, udp-listen:[HOST:]PORT, serial:PATH[,BAUD], can:INTERFACE[,fd] or canfd:INTERFACE"
+_GUIDED_M_S = 0.5  # as fast as a hand that is guided goes
+_REST_S = 1.0  # at the path's beginning, before the hand follows it again
 
 
 def _medium_of(address: str) -> str:
@@ -60,7 +63,7 @@ class VirtualDevice:
     """A running device. Use as a context manager; any thread. Of the scene it takes [path], [hand], [device] and [safety]: the hand
     stays at the path's beginning, or at the arm's reference point where there is none, until play_path() or guide_hand().
 
-    link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port, "can:INTERFACE" or "canfd:INTERFACE" for a CAN bus. board: a name in `hil.BOARDS`. Raises SceneError
+    link: "pty:" for a pseudo-terminal, "udp-listen:[HOST:]PORT" for a UDP port, "serial:PATH[,BAUD]" for a line to another computer, "can:INTERFACE" or "canfd:INTERFACE" for a CAN bus. board: a name in `hil.BOARDS`. Raises SceneError
     for bad scenes and links, BoardError where the board cannot be started.
     """
 
@@ -69,6 +72,8 @@ class VirtualDevice:
     ) -> None:
         if board not in BOARDS:
             raise BoardError(f"board {board!r}: must be one of {', '.join(BOARDS)}")
+        if link.partition(":")[0] not in ("pty", "udp-listen", "serial", "can", "canfd") or ":" not in link:
+            raise SceneError(f"link {link!r}: a device is offered at {_LINKS}")
         for name in faulty_sections(scene.sections):
             raise SceneError(
                 f"{scene.file}: {name}: given, but a device without hardware injects no faults; must be left out (palpate run injects them)"
@@ -143,6 +148,30 @@ class VirtualDevice:
         self._core.set_emergency_stop(is_open)
 
 
+class PathPlayer:
+    """Lets the hand follow a path again and again: to its end, back to its beginning, there for a second, and anew. Its
+    clock is the device's tick."""
+
+    def __init__(self, path: dict[str, Any] | None) -> None:
+        self._target_m = np.zeros(3) if path is None else np.asarray(path["position_m"], float)[0]
+        end_m = self._target_m if path is None else np.asarray(path["position_m"], float)[-1]
+        self._path_s = 0.0 if path is None else float(np.asarray(path["time_s"])[-1])
+        # A guided hand starts and stops gently: twice the time of the straight way.
+        self._back_s = 2.0 * float(np.linalg.norm(end_m - self._target_m)) / _GUIDED_M_S + _REST_S
+        self._began_s: float | None = None
+        self._returning = False
+
+    def step(self, device: VirtualDevice, tick: int) -> None:
+        """At this tick of the device, or some time after it."""
+        now_s = tick / 1000.0
+        if self._began_s is None or now_s - self._began_s >= self._path_s + self._back_s:
+            device.play_path()
+            self._began_s, self._returning = now_s, False
+        elif not self._returning and now_s - self._began_s >= self._path_s + _SHOW_S:
+            device.guide_hand(self._target_m)
+            self._returning = True
+
+
 def run_device(
     scene: Scene, board: str, link: str, play: bool, duration_s: float | None, announce: Callable[[str], None]
 ) -> dict[str, Any]:
@@ -153,13 +182,14 @@ def run_device(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with VirtualDevice(scene, board, link) as device:
         announce(device.address)
-        if play:
-            device.play_path()
+        player = PathPlayer(scene.to_dict()["path"]) if play else None
         began_s = time.monotonic()
         try:
             while duration_s is None or time.monotonic() - began_s < duration_s:
                 time.sleep(_SHOW_S if duration_s is None else min(_SHOW_S, duration_s))
                 state = device.state
+                if player is not None:
+                    player.step(device, state.tick)
                 if sys.stderr.isatty():
                     tip_mm, force_N = 1e3 * state.tip_m, float(np.linalg.norm(state.force_N))
                     place = " ".join(f"{coordinate:7.2f}" for coordinate in tip_mm)

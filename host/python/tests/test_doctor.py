@@ -74,6 +74,15 @@ def test_schemas_and_versions_that_differ_are_problems() -> None:
     assert not missing.ok and missing.needed and "x is not built" in missing.line() and missing.remedy in missing.line()
 
 
+def test_a_board_that_run_does_not_build_is_not_needed() -> None:
+    by_run = {board for board in BOARDS if doctor.check_firmware(Firmware(board, None, None, "not built"), 7).needed}
+    script = (ROOT / "run").read_text("utf-8")
+    built = re.search(r"for board in (mps2_[\w ]+); do\n +build \$board", script)
+    assert built and by_run == {"native", *built[1].split()}
+    nucleo = doctor.check_firmware(Firmware("nucleo_g474re", None, None, "not built"), 7)
+    assert "-> ./run build --board nucleo_g474re builds it" in nucleo.line()
+
+
 def test_tools() -> None:
     found = doctor.check_tool(Tool("cmake", "cmake", "building", True))
     assert found.ok and found.found[0].isdigit()

@@ -53,6 +53,13 @@ def test_connect_to_a_board() -> None:
     assert len(told) == 10 and all(one is not None and one[1] in modes for one in told)
 
 
+def test_connecting_to_no_board_is_told_on_one_line() -> None:
+    done = subprocess.run(
+        [sys.executable, str(FOLDER / "connect_to_a_board.py"), "serial:/dev/nothing"], env=ENVIRONMENT, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "/dev/nothing" in done.stderr
+
+
 def test_listen_with_pycyphal() -> None:
     with subprocess.Popen([str(BOARDS["native"].image), "--pty"], stdout=subprocess.PIPE, text=True) as firmware:
         assert firmware.stdout is not None

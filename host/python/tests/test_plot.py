@@ -126,6 +126,7 @@ def test_rates_are_bytes_by_time_that_the_record_has() -> None:
     ("arguments", "message"),
     [
         (["none.h5"], "none.h5: no such file: must be a record (docs/records.md)"),
+        (["/dev/null"], "/dev/null: no regular file: must be a record (docs/records.md)"),
         (["text.h5"], "text.h5: not HDF5: must be a record (docs/records.md)"),
         (["cut.h5"], "cut.h5: HDF5 that cannot be opened: "),
         (["still.h5"], "still.h5: a simulation without a tip: has nothing to draw over time"),

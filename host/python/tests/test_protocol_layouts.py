@@ -1,5 +1,6 @@
 """The byte layouts of docs/protocol.md against the message definitions."""
 
+import re
 from collections.abc import Iterator
 
 import pydsdl
@@ -7,7 +8,15 @@ import pytest
 
 from palpate.paths import ROOT
 
-MESSAGES = ("GetInfo.Response", "Command.Request", "Command.Response", "BoardStatus", "ServoTrace", "ServoSample")
+MESSAGES = ("GetInfo.Response", "Command.Request", "Command.Response", "BoardStatus", "ServoTrace", "ServoSample", "DeviceState", "TraceRequest", "DirectForce")
+# Fields that are numbers with names, and where the names stand.
+NAMED = (
+    ("`action` of Command", "Command.Request", ""),
+    ("`mode` of Command, BoardStatus and DeviceState", "BoardStatus", "MODE_"),
+    ("`mode` of ServoSample", "Contact", "MODE_"),
+    ("`flags`", "ServoSample", "FLAG_"),
+    ("`form`", "TraceRequest", "FORM_"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +52,25 @@ def test_the_layout_stands_in_the_document(types: dict[str, pydsdl.CompositeType
     text = (ROOT / "docs/protocol.md").read_text("utf-8")
     table = "\n".join(("| byte | type | field |", "|---|---|---|", *rows(types[name])))
     assert f"**`palpate.{name}`**" in text and table in text, f"docs/protocol.md lacks:\n**`palpate.{name}`**\n\n{table}"
+
+
+@pytest.mark.parametrize(("field", "name", "prefix"), NAMED)
+def test_the_numbers_stand_in_the_document(types: dict[str, pydsdl.CompositeType], field: str, name: str, prefix: str) -> None:
+    constants = [one for one in types[name].constants if one.name.startswith(prefix)]
+    row = f"| {field} | {', '.join(f'{one.value.native_value} {one.name.removeprefix(prefix)}' for one in constants)} |"
+    assert constants and row in (ROOT / "docs/protocol.md").read_text("utf-8"), f"docs/protocol.md lacks:\n{row}"
+
+
+def test_the_statuses_stand_in_the_document() -> None:
+    text = (ROOT / "docs/protocol.md").read_text("utf-8")
+    enumeration = (ROOT / "shared/status.hpp").read_text("utf-8").partition("enum class")[2].partition("};")[0]
+    statuses = re.findall(r"(\w+) = (\d+),", enumeration)
+    told = re.findall(r"^\| (\d+) \| `(\w+)` \|", text, re.MULTILINE)
+    assert len(statuses) > 20 and told == [(number, name) for name, number in statuses]
+
+
+def test_the_device_library_names_the_boards_faults() -> None:
+    enumeration = (ROOT / "firmware/core/supervisor.hpp").read_text("utf-8").partition("enum class Fault")[2].partition("};")[0]
+    names = re.findall(r"(\w+) = 1u << \d+,", enumeration)
+    array = (ROOT / "host/device_api/device.cpp").read_text("utf-8").partition("kFaults[]")[2].partition(";")[0]
+    assert names and re.findall(r'"(\w+)"', array) == names

@@ -1,6 +1,7 @@
 """`palpate fuzz`."""
 
 import re
+import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -22,6 +23,7 @@ def run(
     keep: what was reached anew goes into the repository's corpus. Raises RuntimeError where Clang cannot build them,
     NotBuilt (libfuzzer.py) where one has been left out."""
     if any(target not in IN_PYTHON for target in targets):
+        print("building what is fuzzed; the first time takes minutes", file=sys.stderr, flush=True)
         libfuzzer.build()
     outcomes = []
     for target in targets:
