@@ -6,8 +6,13 @@ around it. The processor is emulated (TCG) even where there is a KVM: the same e
 machine can fail (QEMU 7.2 stops when such a one refuses a register). It is one, so that two threads that
 wake each other do not wait for this machine's scheduler: 3,900 round trips a second over vcan in place of 110 when others
 compute beside.
+
+    .venv/bin/python hil_tests/linux_guest.py --module vcan --module can-raw -- ip link show
+
+runs a command there: prints what it has written when it has ended, and ends with its exit code; 2 without a guest (docs/links.md).
 """
 
+import argparse
 import contextlib
 import gzip
 import os
@@ -17,6 +22,8 @@ import shlex
 import shutil
 import socket
 import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -192,3 +199,35 @@ def _run_until(command: Sequence[str], deadline_s: float, descriptors: Sequence[
             return None
         finally:
             process.kill()
+
+
+def parse_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str], float]:
+    """Of the command line: the command, the modules, the deadline in s. Ends the program with 2 where they are wrong."""
+    parser = argparse.ArgumentParser(
+        prog="linux_guest.py", description="Runs a command as root in a Linux guest, with this machine's files, read-only.")
+    parser.add_argument(
+        "--module", action="append", metavar="NAME",
+        help=f"kernel module to load; may be repeated (default: {', '.join(CAN_MODULES)})")
+    parser.add_argument("--deadline", type=float, default=300.0, metavar="S", help="seconds until the guest is ended (default: 300)")
+    parser.add_argument("command", nargs="+", metavar="COMMAND", help="behind --: the program and its arguments")
+    given = parser.parse_args(arguments)
+    if not 0.0 < given.deadline <= 86_400.0:
+        parser.error(f"--deadline is {given.deadline:g}: must be in (0, 86400] s")
+    return given.command, given.module or list(CAN_MODULES), given.deadline
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line; returns the exit code."""
+    command, modules, deadline_s = parse_arguments(arguments)
+    with tempfile.TemporaryDirectory(prefix="palpate-guest-") as folder:
+        try:
+            guest = run_in_guest(command, pathlib.Path(folder), deadline_s=deadline_s, modules=modules)
+        except GuestError as error:
+            print(f"linux_guest.py: {error}", file=sys.stderr)
+            return 2
+    print(guest.output, end="")
+    return guest.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
