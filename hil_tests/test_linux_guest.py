@@ -172,3 +172,29 @@ def test_a_usb_device(tmp_path, events):
     assert device.times_plugged_in == 4  # at boot, and after each of the three times that it was pulled out
     # By the kernel, each time; the link leaves the configuration as it is.
     assert device.configurations_set == device.times_plugged_in
+
+
+def test_the_command_line_runs_a_command_and_ends_with_its_code(monkeypatch, capsys):
+    asked = {}
+
+    def run(command, folder, **options):
+        asked.update(options, command=command, folder=folder.is_dir())
+        return linux_guest.GuestRun(7, "written\n", "")
+
+    monkeypatch.setattr(linux_guest, "run_in_guest", run)
+    assert linux_guest.main(["--module", "vcan", "--deadline", "9", "--", "ip", "-d", "link"]) == 7
+    assert asked == {"command": ["ip", "-d", "link"], "modules": ["vcan"], "deadline_s": 9.0, "folder": True}
+    assert capsys.readouterr().out == "written\n"
+    linux_guest.main(["--", "true"])
+    assert asked["modules"] == list(CAN_MODULES)
+
+    def fail(*_, **__):
+        raise GuestError("no kernel")
+
+    monkeypatch.setattr(linux_guest, "run_in_guest", fail)
+    assert linux_guest.main(["--", "true"]) == 2
+    assert capsys.readouterr().err == "linux_guest.py: no kernel\n"
+    for wrong in ([], ["--deadline", "0", "--", "true"], ["--modul", "--"]):
+        with pytest.raises(SystemExit) as ended:
+            linux_guest.main(wrong)
+        assert ended.value.code == 2

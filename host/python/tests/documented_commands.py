@@ -173,6 +173,8 @@ TESTED = {
     ".venv/bin/python -m mkdocs build --strict": (
         "host/python/tests/test_docs.py::test_the_site_builds_without_a_warning_and_fetches_nothing"
     ),
+    ".venv/bin/python hil_tests/linux_guest.py -- bash -c '": "hil_tests/test_linux_guest.py::test_the_command_line_runs_a_command_and_ends_with_its_code",
+    "PYTHONPATH=host/python .venv/bin/python -m palpate device --link can:vcan0 --duration 5 --play": "hil_tests/test_linux_guest.py::test_the_command_line_runs_a_command_and_ends_with_its_code",
     "pip install .": "host/python/tests/test_wheel.py::test_a_body_is_touched",
     "python -m palpate.docs": "host/python/tests/test_docs.py::test_generated_tables_are_up_to_date",
     "python host/bench/scene_numbers.py": "host/python/tests/test_docs.py::test_the_measured_numbers_are_those_of_a_run",
