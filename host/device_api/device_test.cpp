@@ -148,7 +148,9 @@ TEST_P(DeviceApi, FaultsAreSaidAndCleared) {
   ASSERT_TRUE(until([](const palpate_device_state& s) { return s.mode == PALPATE_MODE_FAULT; }));
   EXPECT_EQ(next().faults, 1u);
   EXPECT_EQ(push(0.0, 0.0, 1.0), PALPATE_REFUSED);
-  EXPECT_NE(std::string(palpate_device_error(device_)).find("mode fault, faults emergency_stop (docs/safety.md)"), std::string::npos);
+  EXPECT_NE(
+      std::string(palpate_device_error(device_)).find("mode fault, faults emergency_stop (docs/safety.md)"),
+      std::string::npos);
   EXPECT_EQ(palpate_device_enable(device_), PALPATE_REFUSED);
   EXPECT_EQ(palpate_device_clear_fault(device_), PALPATE_REFUSED);
   virtual_->set_emergency_stop(false);
