@@ -1,5 +1,6 @@
 #include "firmware/core/supervisor.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate::firmware {
@@ -103,9 +104,9 @@ void count_deadlines(SupervisorState& state, const SupervisorInputs& in, const L
   state.missed_deadline_level = level < full ? level : full;
 }
 
-// The hand has felt -force_N of the last tick on the way from there.
+// The hand has felt -force_N of the last tick on the way from there; without outputs that was no force, and
+// the bucket is empty. It is so, too, after a step that is no number, which is a fault.
 void count_energy(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
-  if (!outputs_on(state.mode) || !is_finite(in.tip_step_m)) return;
   const float level_J = state.energy_J - dot(state.force_N, in.tip_step_m) -
                         limits.energy_leak_W * kTick_s * static_cast<float>(in.elapsed_ticks);
   state.energy_J = level_J > 0.0f ? level_J : 0.0f;
@@ -131,14 +132,14 @@ bool says_nothing_is_near(const SupervisorInputs& in) {
 
 // The force that the mode asks for, and its limits.
 struct Wanted {
-  bool present = false;
-  Vec3f force_N{};
-  float peak_N = 0.0f;
-  float step_N = 0.0f;  // per tick
+  bool present;
+  Vec3f force_N;
+  float peak_N;
+  float step_N;  // per tick
   // Held so long, then faded to zero.
-  std::uint32_t age_ticks = 0;
-  std::uint32_t hold_ticks = 0;
-  std::uint32_t fade_ticks = 0;
+  std::uint32_t age_ticks;
+  std::uint32_t hold_ticks;
+  std::uint32_t fade_ticks;
 };
 
 Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
@@ -173,9 +174,9 @@ bool has_faded(const Wanted& wanted) {
          (wanted.age_ticks > wanted.hold_ticks && wanted.age_ticks - wanted.hold_ticks >= wanted.fade_ticks);
 }
 
-// How much of it is rendered, 0 to 1: soft start after arming and after a lost link, fading when it is old.
+// How much of it is rendered, 0 to 1: soft start after arming and after a lost link, which waits while the
+// force is lost; fading when it is old.
 float force_scale(const SupervisorState& state, const Wanted& wanted, const Limits& limits) {
-  if (state.force_was_lost) return 0.0f;
   float scale = 1.0f;
   if (state.soft_start_ticks < limits.soft_start_ticks) {
     scale = static_cast<float>(state.soft_start_ticks) / static_cast<float>(limits.soft_start_ticks);
@@ -214,7 +215,7 @@ Vec3f asked_force(const SupervisorState& state, const SupervisorInputs& in, cons
   // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
   const Vec3f force_N = shortened(wanted.force_N, wanted.peak_N);
   const float scale = force_scale(state, wanted, limits);
-  return scale != 1.0f ? force_N * scale : force_N;
+  return force_N * scale;
 }
 
 Vec3f towards(const Vec3f& asked_N, const SupervisorState& state, const SupervisorInputs& in,
@@ -231,7 +232,7 @@ Vec3f limited_force(SupervisorState& state, const SupervisorInputs& in, const Li
   const Vec3f asked_N = asked_force(state, in, limits, wanted);
   const Vec3f force_N = towards(asked_N, state, in, wanted);
   state.passivity.damping_N = {};
-  if (state.mode != Mode::render || state.damping_ticks > 0) return force_N;
+  if (state.damping_ticks > 0) return force_N;
   const Vec3f damping_N =
       passivity_damping(state.passivity, in.tip_velocity_m_s, kTick_s, passivity_limits(limits));
   if (damping_N == Vec3f{}) return force_N;
@@ -374,8 +375,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   if (present != 0) {
     if (state.mode != Mode::fault) enter(state, Mode::fault);
     state.faults = static_cast<FaultSet>(state.faults | present);
-    decision.calibration_begins = false;
-    decision.calibration_ends = false;
+    decision.calibration_ends = false;  // none begins: that would have been refused
   }
 
   decision.outputs_on = outputs_on(state.mode);
@@ -406,18 +406,10 @@ CurrentLimit limit_currents(const std::array<float, 3>& wanted_A, const std::arr
     return result;
   }
   float scale = 1.0f;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const float magnitude_A = std::fabs(wanted_A[i]);
-    if (magnitude_A > largest_A[i]) {
-      const float fit = largest_A[i] / magnitude_A;
-      if (fit < scale) scale = fit;
-    }
-  }
+  // Of a current of 0 it is infinity.
+  for (std::size_t i = 0; i < 3; ++i) scale = std::min(scale, largest_A[i] / std::fabs(wanted_A[i]));
   result.limited = scale != 1.0f;
-  result.setpoint_A = wanted_A;
-  if (result.limited) {
-    for (float& value_A : result.setpoint_A) value_A *= scale;
-  }
+  for (std::size_t i = 0; i < 3; ++i) result.setpoint_A[i] = wanted_A[i] * scale;
   return result;
 }
 

@@ -623,6 +623,13 @@ TEST(Currents, NotFiniteIsZeroAndSaysSo) {
   }
 }
 
+TEST(Currents, SmallOnesAreLeftAlone) {
+  const std::array<float, 3> wanted_A{0.1f, -0.2f, 0.0f};
+  const CurrentLimit result = limit_currents(wanted_A, kDefaultLimits.motor_current_A);
+  EXPECT_FALSE(result.limited);
+  EXPECT_EQ(result.setpoint_A, wanted_A);
+}
+
 // Whichever motor is furthest over its limit decides.
 TEST(Currents, TheFactorIsThatOfTheMotorThatIsFurthestOver) {
   const std::array<float, 3> largest_A{2.0f, 1.0f, 4.0f};

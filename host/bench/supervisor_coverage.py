@@ -28,7 +28,7 @@ FLAGS = ("-O0", "-g0", "--coverage", "-fno-exceptions", "-DGTEST_HAS_EXCEPTIONS=
 # Its own tests: those of other parts would reach it through the servo.
 SUITES = ":".join(f"{name}.*" for name in (
     "AllStates", "Arming", "Calibration", "Currents", "Damping", "DeadlineMonitor", "DirectForce", "Faults", "Force", "LimitRanges", "LinkLoss",
-    "MotorHeat", "Outputs", "Passivity", "PassivityControl", "Supervisor",
+    "MotorHeat", "Outputs", "Passivity", "PassivityControl", "Supervisor", "SupervisorEdges",
 ))  # fmt: skip
 
 

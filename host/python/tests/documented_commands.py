@@ -218,6 +218,7 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml": _A_WHOLE_BODY,
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
+    "python host/bench/supervisor_mutants.py": _TOO_LONG + "; a sample is host/python/tests/test_supervisor_mutants.py",
     "./run bench faults": _TOO_LONG,
     "./run bench stability --zwidth": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",
     "./run bench stability --zwidth --quick --json": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",
