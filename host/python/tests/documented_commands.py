@@ -178,6 +178,7 @@ TESTED = {
     "pip install .": "host/python/tests/test_wheel.py::test_a_body_is_touched",
     "python -m palpate.docs": "host/python/tests/test_docs.py::test_generated_tables_are_up_to_date",
     "python host/bench/scene_numbers.py": "host/python/tests/test_docs.py::test_the_measured_numbers_are_those_of_a_run",
+    "python host/bench/fault_numbers.py": "host/python/tests/test_faults.py::test_the_matrix_breaks_no_rule",
     "python host/bench/contact_tick.py": "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured",
     "python host/bench/contact_tick.py --out contact_tick.json": (
         "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured"
