@@ -8,6 +8,7 @@ from board_peer import BUILD_MPS2, REPOSITORY
 
 sys.path.insert(0, str(REPOSITORY / "host/bench"))
 import contact_tick
+import servo_rate
 import tick_cycles
 from tick_cycles import Instruction, cycles
 
@@ -85,3 +86,11 @@ def test_servo_ticks_are_read_from_a_log():
     ticks = list(tick_cycles.servo_ticks(log))
     assert ticks == [[0x714, 0x716, 0x718]]
     assert all(a != b for tick in ticks for a, b in pairwise(tick))
+
+
+def test_a_patch_of_eight_nodes_is_in_time_at_4_kHz():
+    """docs/decisions/cycles.md, "A faster servo", has its row; within what a change of the firmware elsewhere may add."""
+    measured = servo_rate.measure(servo_rate.MODELS["patch, 2 x 2 x 2 nodes"])
+    assert (measured["modes"], measured["nodes"]) == (24, 4)
+    assert measured["worst_tick_cycles"] == pytest.approx(38_754, rel=0.03)
+    assert measured["worst_tick_cycles"] < servo_rate.CLOCK_HZ / 4000

@@ -177,6 +177,7 @@ TESTED = {
     "PYTHONPATH=host/python .venv/bin/python -m palpate device --link can:vcan0 --duration 5 --play": "hil_tests/test_linux_guest.py::test_the_command_line_runs_a_command_and_ends_with_its_code",
     "pip install .": "host/python/tests/test_wheel.py::test_a_body_is_touched",
     "python -m palpate.docs": "host/python/tests/test_docs.py::test_generated_tables_are_up_to_date",
+    "python host/bench/servo_rate.py": "hil_tests/test_tick_cycles.py::test_a_patch_of_eight_nodes_is_in_time_at_4_kHz",
     "python host/bench/scene_numbers.py": "host/python/tests/test_docs.py::test_the_measured_numbers_are_those_of_a_run",
     "python host/bench/fault_numbers.py": "host/python/tests/test_faults.py::test_the_matrix_breaks_no_rule",
     "python host/bench/contact_tick.py": "hil_tests/test_contact_tick.py::test_every_kind_of_tick_is_measured",
