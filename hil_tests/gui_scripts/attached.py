@@ -12,6 +12,9 @@ IDLE, RENDER = 1, 3
 def stages(app):
     live = app.live
     assert live.is_attached
+    # What its calibration is, read before the loop took the link.
+    registers = {register.name: register.values for register in app.board_registers.registers}
+    assert app.board_registers.trouble == "" and registers["encoder.sign"] == (1.0, 1.0, 1.0), app.board_registers
     while live.status["board_mode"] != IDLE:
         yield
     live.arm()

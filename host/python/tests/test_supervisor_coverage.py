@@ -30,7 +30,7 @@ def test_every_line_and_branch_is_reached(files: dict[str, File]) -> None:
 def test_all_of_the_supervisor_is_counted(files: dict[str, File]) -> None:
     source = (ROOT / "firmware/core/supervisor.cpp").read_text().splitlines()
     deciding = {number for number, line in enumerate(source, 1) if line.lstrip().startswith("if (")}
-    assert len(deciding) > 50
+    assert len(deciding) > 40
     assert deciding <= set(files["supervisor.cpp"].line)
     assert deciding <= {number for number, _ in files["supervisor.cpp"].branch}
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from palpate import record
 from palpate.body import Body
+from palpate.gui.board_registers import BoardRegisters, read_registers
 from palpate.gui.body_view import BodyView
 from palpate.gui.controls import Controls
 from palpate.gui.mouse_hand import MouseHand
@@ -23,7 +24,7 @@ from palpate.gui.plots import PlotPanel
 from palpate.gui.settings import Settings, shown
 from palpate.hil import BoardError
 from palpate.injected import faulty_sections
-from palpate.live import Live
+from palpate.live import Live, is_address
 from palpate.record import RecordError
 from palpate.tip_path import TipPath
 
@@ -47,6 +48,7 @@ class App:
         self.emergency_stop = False
         self.unplugged = self.babbling = False
         self.last_recording: Path | None = None
+        self.board_registers: BoardRegisters | None = None  # of an attached board, as the loop began
         self.frames = 0  # drawn so far
         self.hand = MouseHand()
         self.controls = Controls()
@@ -231,6 +233,7 @@ class App:
     def _start(self, stack: ExitStack, settings: Settings, path: TipPath | None) -> tuple[Live, Body]:
         scene = settings.scene()
         body = Body(scene)
+        self.board_registers = read_registers(settings.board) if is_address(settings.board) else None
         return stack.enter_context(Live(scene, settings.board, path)), body
 
     def _show(self, live: Live, body: Body) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import polyscope.imgui as psim
 
 from palpate.board_search import find_boards
+from palpate.gui.board_registers import BoardRegisters
 from palpate.gui.body_view import COLOURINGS
 from palpate.gui.settings import BAUDS, BUILDERS
 from palpate.hil import BOARDS
@@ -32,6 +33,7 @@ _WARNING = (1.0, 0.70, 0.30, 1.0)
 _NAMES_ON_CAN = {"flip_bit": "error on the bus"}
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
+_VALUES_AT = 170.0  # where the values of registers begin, pixels
 _SILENT_s = 0.5  # without a word of the board
 _OLD_MODEL_s = 0.5  # its force has faded by then; within a second more outputs go off (docs/safety.md)
 # Also for values that are typed in.
@@ -67,6 +69,8 @@ class Controls:
             self._faults(app)
         if psim.CollapsingHeader("Numbers", psim.ImGuiTreeNodeFlags_DefaultOpen):
             self._numbers(app)
+        if app.board_registers is not None and psim.CollapsingHeader("Calibration", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            _calibration(app.board_registers)
         psim.PopItemWidth()
 
     def restarted(self, grip: float) -> None:
@@ -270,6 +274,19 @@ class Controls:
             psim.Text(f"tip {x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f} mm: {live.contact.mode}")
         if app.message:
             _wrapped(_WARNING, app.message)
+
+
+def _calibration(board: BoardRegisters) -> None:
+    """Base, upper arm, forearm."""
+    if board.trouble:
+        _wrapped(_WARNING, f"not read: {board.trouble}")
+        return
+    for register in board.registers:
+        psim.Text(register.name)
+        psim.SameLine(_VALUES_AT)
+        psim.Text(", ".join(f"{value:.3g}" for value in register.values))
+    kept = all(register.is_persistent for register in board.registers)
+    psim.TextColored(_DULL, "as the loop began; " + ("kept by the board" if kept else "until the board starts again"))
 
 
 def _injected(troubles: Mapping[str, Any]) -> str:
