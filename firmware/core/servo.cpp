@@ -58,6 +58,22 @@ void Servo::use(const Tuning& tuning) {
   }
 }
 
+// What differs from the nominal arm comes with the soft start of arming: a wrong register is no jerk.
+float Servo::tuned_share(const SupervisorState& state) const {
+  if (state.mode_age_ticks >= limits_.soft_start_ticks) return 1.0f;
+  return static_cast<float>(state.mode_age_ticks) / static_cast<float>(limits_.soft_start_ticks);
+}
+
+// That the motors bear, and of which the amplifiers are told no more than the limit.
+std::array<float, 3> Servo::largest_currents_A() const {
+  std::array<float, 3> largest_A = bearable_currents_A(heat_, limits_);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const float left_A = std::max(0.0f, limits_.motor_current_A[i] - std::fabs(tuning_.setpoint_offset_A[i]));
+    largest_A[i] = std::min(largest_A[i], left_A / tuning_.setpoint_gain[i]);
+  }
+  return largest_A;
+}
+
 // In a tick that begins with outputs off, and in which nothing switches them on.
 void Servo::take_tuning() {
   switch (mailbox_.tuning_step.load(std::memory_order_acquire)) {
@@ -69,6 +85,8 @@ void Servo::take_tuning() {
     }
     case TuningStep::commit: {
       const Tuning& tuning = mailbox_.tuning;
+      // Who has asked for a challenge has not seen these: it has to ask again.
+      state_.token = 0;
       // A tip that is suddenly elsewhere is no place for the models that know it here.
       if (tuning.encoder_sign != tuning_.encoder_sign) forget_models();
       use(tuning);
@@ -223,7 +241,6 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& raw) 
   const ServoSensors sensors = corrected(raw);
   const Vec3f joint_rad = device::joint_angles(device_, sensors.count, reference_count_);
   device::Pose pose = device::evaluate(device_, joint_rad);
-  for (std::size_t i = 0; i < 3; ++i) pose.gravity_torque_N_m[i] *= gravity_ratio_[i];
   const bool pose_known = (pose.faults & device::kInvalidAngle) == 0;
 
   ServoOutput output;
@@ -245,11 +262,15 @@ ServoOutput Servo::isr_tick(const ServoTiming& timing, const ServoSensors& raw) 
 
   Decision decision = supervise(state_, in, limits_, challenge_seed_);
   if (decision.outputs_on) {
+    const float share = tuned_share(decision.state);
+    for (std::size_t i = 0; i < 3; ++i)
+      pose.gravity_torque_N_m[i] *= 1.0f + share * (gravity_ratio_[i] - 1.0f);
     Vec3f friction_N_m{};
     if (compensates_friction_)
-      friction_N_m = friction_compensation(tuning_, device::estimated_joint_velocity(device_, estimators_));
-    const CurrentLimit currents = reaction_currents(device_, pose, decision.state.force_N,
-                                                    bearable_currents_A(heat_, limits_), friction_N_m);
+      friction_N_m =
+          friction_compensation(tuning_, device::estimated_joint_velocity(device_, estimators_)) * share;
+    const CurrentLimit currents =
+        reaction_currents(device_, pose, decision.state.force_N, largest_currents_A(), friction_N_m);
     output.setpoint_A = currents.setpoint_A;
     decision.force_limited = decision.force_limited || currents.limited;
     if (!currents.finite) decision = trip(decision, Fault::not_a_number);

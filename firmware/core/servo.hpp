@@ -80,6 +80,8 @@ class Servo {
 
  private:
   void use(const Tuning& tuning);
+  [[nodiscard]] float tuned_share(const SupervisorState& state) const;
+  [[nodiscard]] std::array<float, 3> largest_currents_A() const;
   [[gnu::noinline]] void take_tuning();
   [[nodiscard]] ServoSensors corrected(const ServoSensors& sensors) const;
   [[gnu::noinline]] void post_sample(const ServoTiming& timing, const ServoSensors& raw,

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -164,12 +165,53 @@ TEST_F(TunedServo, MonitorsAreCorrectedBeforeTheSupervisorJudgesThem) {
   EXPECT_NE(ticks(20).faults & bit(Fault::over_current), 0u);
 }
 
+// And comes with the soft start: a weight that is wrong is no jerk.
 TEST_F(TunedServo, TheWeightIsThatOfTheTuning) {
-  const ServoOutput plain = arm();
   Tuning tuning;
   tuning.gravity_torque_N_m[1] = 2.0f * kNominalGravity_N_m.y;
   use(tuning);
-  EXPECT_FLOAT_EQ(tick().setpoint_A[1], 2.0f * plain.setpoint_A[1]);
+  const float plain_A = arm().setpoint_A[1];
+  ASSERT_NE(plain_A, 0.0f);
+  for (std::uint32_t i = 1; i <= limits_.soft_start_ticks + 5; ++i) {
+    const float share = std::min(1.0f, static_cast<float>(i) / static_cast<float>(limits_.soft_start_ticks));
+    ASSERT_FLOAT_EQ(tick().setpoint_A[1], (1.0f + share) * plain_A) << i;
+  }
+}
+
+// Whatever gain and offset say, no amplifier is told more than the limit; all three shrink by one factor.
+TEST_F(TunedServo, NoAmplifierIsToldMoreThanTheLimit) {
+  Limits limits;
+  limits.motor_current_A = {1.0f, 1.0f, 0.2f};
+  servo_ = std::make_unique<Servo>(device::kPremium15, limits, 1, *renderer_, mailbox_);
+  sensors_.count = {0, 0, 0};
+  Tuning tuning;
+  tuning.gravity_torque_N_m = {0.0f, 0.3f, 0.3f};
+  tuning.setpoint_gain = {1.0f, 1.0f, 1.25f};
+  tuning.setpoint_offset_A = {0.0f, 0.0f, -0.05f};
+  use(tuning);
+  arm();
+  // The forearm's weight grows with its angle; here it is within the workspace.
+  const auto half_radian_count = static_cast<std::int32_t>(0.5f * device::kPremium15.joint[2].counts_per_rad);
+  for (std::int32_t at = 0; at < half_radian_count; at += 10) {
+    sensors_.count[2] = at;
+    const ServoOutput output = tick();
+    ASSERT_TRUE(output.outputs_on) << at << ": " << output.faults;
+    ASSERT_LE(std::fabs(output.setpoint_A[2]), 0.2f * (1.0f + 1e-6f)) << at;
+  }
+  EXPECT_GT(std::fabs(tick().setpoint_A[2]), 0.19f);
+}
+
+TEST_F(TunedServo, ASignThatChangesLeavesTheReferencePoseWhereItIs) {
+  sensors_.count = {5000, -3000, 700};
+  ticks(40);
+  EXPECT_TRUE(mailbox_.commands.push({{Action::calibrate, 0}, {10, 1}}));
+  const ServoOutput calibrated = ticks(static_cast<int>(limits_.calibration_ticks) + 5);
+  ASSERT_EQ(calibrated.mode, Mode::idle);
+  ASSERT_EQ(calibrated.sample.tip_m, Vec3f{});
+  Tuning tuning;
+  tuning.encoder_sign = {-1.0f, 1.0f, -1.0f};
+  use(tuning);
+  EXPECT_EQ(ticks(3).sample.tip_m, Vec3f{});
 }
 
 // A joint that moves gets the current of its share of the friction, one at rest none.

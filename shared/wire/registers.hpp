@@ -2,7 +2,7 @@
 // parameters are read and written by.
 //
 // The standard's types, as in node.hpp: written here without generated code, held against the public
-// definitions by hil_tests/test_registers.py. Of the standard's kinds of values this project has three.
+// definitions by hil_tests/test_board_registers.py. Of the standard's kinds of values this project has three.
 #pragma once
 
 #include <array>
