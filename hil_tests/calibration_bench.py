@@ -9,19 +9,24 @@ from board_peer import Lockstep
 
 from palpate import Plant
 from palpate.calibration.arm import tip_m
+from palpate.calibration.session import Drive
 
 HAND_SPEED_M_S = 0.1
+# What an operator may take to find the key: longer than the second after which a board without forces switches its outputs off.
+KEY_TICKS = 3000
 
 
 @dataclass
 class FaultyArm:
     """What is wrong with it: encoder_sign (3,); monitor_offset_A (3,) added to what the monitors say, with noise of monitor_noise_A;
-    setpoint_offset_A (3,) that the amplifiers add; dead and exchanged: an encoder that stands still, two that are exchanged."""
+    amplifiers that, told u, let (u + setpoint_offset_A) / setpoint_gain flow; dead and exchanged: an encoder that stands still, two that are
+    exchanged."""
 
     encoder_sign: tuple[int, ...] = (1, 1, 1)
     monitor_offset_A: tuple[float, ...] = (0.0, 0.0, 0.0)
     monitor_noise_A: float = 0.0
     setpoint_offset_A: tuple[float, ...] = (0.0, 0.0, 0.0)
+    setpoint_gain: tuple[float, ...] = (1.0, 1.0, 1.0)
     dead: tuple[int, ...] = ()
     exchanged: tuple[int, int] | None = None
 
@@ -33,7 +38,10 @@ class Bench:
 
     def __init__(self, board: Lockstep, faults: FaultyArm) -> None:
         self.board, self.faults = board, faults
-        self.plant = Plant([(0.0, (0.0, 0.0, 0.0))], device={"amplifier_offset_A": list(faults.setpoint_offset_A)})
+        self._gain = np.array(faults.setpoint_gain)
+        offset_A = np.array(faults.setpoint_offset_A) / self._gain
+        self.plant = Plant([(0.0, (0.0, 0.0, 0.0))], device={"amplifier_offset_A": offset_A.tolist()})
+        self.flags = 0  # of the next tick
         self._target_m = self._hand_m = np.zeros(3)
         self._to_board = b""
         self._noise = np.random.default_rng(1)
@@ -66,11 +74,11 @@ class Bench:
             one, other = self.faults.exchanged
             counts[[one, other]] = counts[[other, one]]
         currents = self.plant.measured_current_A + self.faults.monitor_offset_A + self.faults.monitor_noise_A * self._noise.standard_normal(3)
-        frame = self.board.tick(encoder=tuple(int(count) for count in counts), current_A=tuple(float(one) for one in currents), link=self._to_board)
+        frame = self.board.tick(encoder=tuple(int(count) for count in counts), current_A=tuple(float(one) for one in currents), link=self._to_board, flags=self.flags)
         self._to_board = b""
         self.board.frames.clear()
         self.board.sent.clear()
-        self.plant.advance(frame["setpoint_A"], bool(frame["enabled"]))
+        self.plant.advance(frame["setpoint_A"] / self._gain, bool(frame["enabled"]))
         self.ticks += 1
         return bytes(frame["link"][: frame["link_length"]])
 
@@ -82,13 +90,15 @@ class Bench:
 
 @dataclass
 class Operator:
-    """Does what the keys of the steps mean; `overrides` replace what he does for one of them. keys: in the order in which he was asked."""
+    """Does what the keys of the steps mean; `overrides` replace what he does for one of them. keys: in the order in which he was asked;
+    strayed_rad: how far the arm was from the reference pose when he took it again."""
 
     bench: Bench
     overrides: dict[str, Callable[[Bench], None]] = field(default_factory=dict)
     keys: list[str] = field(default_factory=list)
+    strayed_rad: float = float("nan")
 
-    def ask(self, key: str, text: str) -> None:
+    def ask(self, key: str, text: str, drive: Drive | None) -> None:
         assert text
         self.keys.append(key)
         if key in self.overrides:
@@ -102,5 +112,15 @@ class Operator:
             for _ in range(1500):
                 self.bench.write(b"")
                 self.bench.tick()
+        if key == "release":
+            self.bench.plant.set_grip(0.0)
         if key in ("release", "take"):
-            self.bench.plant.set_grip(0.0 if key == "release" else 1.0)
+            begun = self.bench.ticks
+            while self.bench.ticks < begun + KEY_TICKS:
+                if drive is None:
+                    self.bench.tick()
+                else:
+                    drive()
+        if key == "take":
+            self.strayed_rad = float(np.abs(self.bench.plant.joint_rad).max())
+            self.bench.plant.set_grip(1.0)

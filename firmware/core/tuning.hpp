@@ -31,8 +31,8 @@ using JointValues = std::array<float, 3>;  // by joint: base, upper arm, forearm
 
 struct Tuning {
   JointValues encoder_sign{1.0f, 1.0f, 1.0f};  // -1 for an encoder that counts the other way round
-  // An amplifier gives `gain` times less than it is told, and the offset more: told gain * i - offset, it
-  // gives i.
+  // told = gain * wanted - offset: told so, an amplifier lets the wanted current flow. It is one that lets
+  // (told + offset) / gain flow.
   JointValues setpoint_offset_A{};
   JointValues setpoint_gain{1.0f, 1.0f, 1.0f};
   // A monitor that says m stands for gain * (m - offset).

@@ -86,7 +86,7 @@ class Link(Protocol):
 class BoardLink:
     """A board behind a link. Use as a context manager: when the block ends the board is disarmed and the link closed.
 
-    link: a serial port ("/dev/ttyACM0", with `baud`), or an address as in docs/device_api.md ("udp:192.168.1.7:5760").
+    link: a serial port ("/dev/ttyACM0", with `baud`; None: 921,600, that of the boards), or an address as in docs/device_api.md ("udp:192.168.1.7:5760").
 
     Arming switches the motors on: keep hands clear and read docs/safety.md first. One thread. Methods raise BoardLinkError
     when no answer comes in time. A program may bring what carries Cyphal/serial itself (`over`), and the clock that goes with it: tests
@@ -96,7 +96,7 @@ class BoardLink:
     def __init__(
         self,
         link: str,
-        baud: int = 115_200,
+        baud: int | None = None,
         timeout_s: float = 5.0,
         *,
         over: Link | None = None,
@@ -107,13 +107,15 @@ class BoardLink:
         self._started_s = clock()
         self._received: deque[dict[str, Any]] = deque()
         self._trace: dict[str, Any] | None = None
+        self._status: dict[str, Any] | None = None
         self._armed = False
         self._link: Link
         if over is not None:
             self._link, self._endpoint = over, _core.HostEndpoint(None)
         else:
             try:
-                transport = _core.Transport(link if ":" in link else f"serial:{link},{baud}")
+                rate = "" if baud is None else f",{baud}"
+                transport = _core.Transport(link if ":" in link else f"serial:{link}{rate}")
             except RuntimeError as error:
                 raise BoardLinkError(f"{link}: cannot be opened: {error}") from None
             self._link, self._endpoint = transport, _core.HostEndpoint(transport)
@@ -146,7 +148,14 @@ class BoardLink:
 
     def state(self) -> BoardState:
         """Waits for the next status (ten a second) and returns it."""
-        status = self._wait("BoardStatus")
+        return self._state_of(self._wait("BoardStatus"))
+
+    @property
+    def newest_state(self) -> BoardState | None:
+        """Of the newest status that came while something was waited for; does not wait. None: none has come yet."""
+        return None if self._status is None else self._state_of(self._status)
+
+    def _state_of(self, status: dict[str, Any]) -> BoardState:
         trace = self._trace
         return BoardState(
             tick=status["tick"],
@@ -260,11 +269,13 @@ class BoardLink:
         return answer
 
     def _wait(self, message: str, transfer_id: int | None = None) -> dict[str, Any]:
-        """The next message of this name; all before it are dropped, but for the newest trace."""
+        """The next message of this name; all before it are dropped, but for the newest trace and status."""
         deadline_s = self.clock() + self._timeout_s
         while True:
             while self._received:
                 one = self._received.popleft()
+                if one["message"] == "BoardStatus":
+                    self._status = one
                 if one["message"] in ("ServoTrace", "TipTrace"):
                     self._trace = one
                 elif one["message"] == message and transfer_id in (None, one.get("transfer_id")):

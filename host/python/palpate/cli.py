@@ -268,7 +268,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--set", action="append", default=[], metavar="NAME=A,B,C", help="write this register first, one number a joint; alone, without steps"
     )
     calibrate.add_argument("--show", action="store_true", help="read the registers and do nothing")
-    calibrate.add_argument("--yes", action="store_true", help="do not wait for the Enter key: what is asked for is watched for")
+    calibrate.add_argument("--yes", action="store_true", help="do not wait for the Enter key; only with --steps direction monitors, which watch and move nothing")
     calibrate.add_argument("--patience", type=float, default=30.0, metavar="S", help="how long a motion is waited for (default: 30 s)")
     add_out(calibrate, "out/calibrate")
     if SOURCE is not None:
@@ -747,20 +747,13 @@ def _flash(arguments: argparse.Namespace) -> int:
 def _calibrate(arguments: argparse.Namespace) -> int:
     from palpate.board_link import BoardLink
     from palpate.calibration import command
+    from palpate.calibration.terminal import Terminal
 
     settings = [command.parse_setting(text) for text in arguments.set]
     if not 0.0 < arguments.patience < 3600.0:
         raise SceneError(f"--patience = {arguments.patience:g}: must be in (0, 3600) s")
-    steps = command.parse_steps([] if arguments.show or (settings and not arguments.steps) else arguments.steps)
+    steps = command.parse_steps([] if arguments.show or (settings and not arguments.steps) else arguments.steps, arguments.yes)
     table: TextIO = sys.stderr if arguments.json else sys.stdout
-
-    def ask(_: str, text: str) -> None:
-        print(text, file=table, flush=True)
-        if not arguments.yes:
-            print("Enter, when it is so: ", end="", file=sys.stderr, flush=True)
-            if not sys.stdin.readline():
-                raise SceneError("the standard input has ended: --yes does without the Enter key")
-
     with BoardLink(arguments.link) as board:
         values: dict[str, Any]
         if arguments.show:
@@ -769,7 +762,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
         else:
             folder = _output_folder(arguments, "calibrate")
             values = command.calibrate(
-                board, steps, settings, ask, lambda line: print(line, file=table, flush=True), arguments.patience, folder
+                board, steps, settings, Terminal(table, not arguments.yes).ask, lambda line: print(line, file=table, flush=True), arguments.patience, folder
             )
     for name, register in values["after"].items():
         kept = "kept" if register["persistent"] else "until the next start"

@@ -1,5 +1,8 @@
 """BoardLink's commands, against a board that is made up: order, tokens, refusals, disarming."""
 
+import os
+import termios
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -48,7 +51,7 @@ class MadeUpLink:
     is_open = True
 
     def __init__(self, address: str) -> None:
-        assert address == "serial:made up,115200"
+        assert address == "serial:made up"
 
     def write(self, frame: bytes) -> bool:
         return frame == b"frame"
@@ -57,11 +60,29 @@ class MadeUpLink:
         return b""
 
 
+@pytest.fixture
+def pseudo_terminal() -> Iterator[tuple[int, str]]:
+    """A line with nobody at its other end: descriptor and path."""
+    far, near = os.openpty()
+    yield near, os.ttyname(near)
+    os.close(near)
+    os.close(far)
+
+
 def connected(monkeypatch: pytest.MonkeyPatch, board: MadeUpBoard) -> BoardLink:
     """A link to a made-up board."""
     monkeypatch.setattr(board_link._core, "Transport", MadeUpLink)
     monkeypatch.setattr(board_link._core, "HostEndpoint", lambda link: board)
     return BoardLink("made up", timeout_s=1.0)
+
+
+def test_a_line_has_the_rate_of_the_boards_unless_told(pseudo_terminal: tuple[int, str]) -> None:
+    """921,600: that of boards/stm32g4/lpuart_link.hpp and boards/stm32f4/usart_link.hpp."""
+    descriptor, path = pseudo_terminal
+    with BoardLink(path):
+        assert termios.tcgetattr(descriptor)[4:6] == [termios.B921600, termios.B921600]
+    with BoardLink(path, 115_200):
+        assert termios.tcgetattr(descriptor)[4:6] == [termios.B115200, termios.B115200]
 
 
 def test_arming_takes_two_steps_and_ends_with_the_block(monkeypatch: pytest.MonkeyPatch) -> None:

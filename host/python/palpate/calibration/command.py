@@ -10,7 +10,8 @@ import numpy as np
 
 from palpate.board_link import BoardLink, BoardLinkError
 from palpate.calibration import arm
-from palpate.calibration.steps import STEPS, Calibration, StepError
+from palpate.calibration.session import Calibration, Drive, StepError
+from palpate.calibration.steps import STEPS
 from palpate.experiment import take_folder
 from palpate.scene_schema import SceneError
 
@@ -19,6 +20,8 @@ FIELDS = (
     "encoder.sign", "setpoint.offset_a", "setpoint.gain", "monitor.offset_a", "monitor.gain", "friction.coulomb_n_m",
     "friction.viscous_n_m_s", "friction.compensated_share", "gravity.torque_n_m",
 )  # fmt: skip
+# What only watches: motors stay off, and no origin is set.
+UNASKED = ("direction", "monitors")
 
 
 def parse_setting(text: str) -> tuple[str, tuple[float, ...]]:
@@ -35,12 +38,18 @@ def parse_setting(text: str) -> tuple[str, tuple[float, ...]]:
     return name, values
 
 
-def parse_steps(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Of --steps, in the order in which they build on each other. Raises SceneError."""
+def parse_steps(names: Sequence[str] | None, unasked: bool) -> tuple[str, ...]:
+    """Of --steps, in the order in which they build on each other; `unasked`: --yes. Raises SceneError."""
     for name in names or ():
         if name not in STEPS:
             raise SceneError(f"--steps {name}: must be one of {', '.join(STEPS)}")
-    return tuple(name for name in STEPS if names is None or name in names)
+    steps = tuple(name for name in STEPS if names is None or name in names)
+    asking = [name for name in steps if name not in UNASKED]
+    if unasked and asking:
+        raise SceneError(
+            f"--yes: not with {', '.join(asking)}, whose operator must agree before the zero is set or the arm moves; must be --steps {' '.join(UNASKED)}, or one of them"
+        )
+    return steps
 
 
 def registers(board: BoardLink) -> dict[str, dict[str, Any]]:
@@ -53,7 +62,7 @@ def calibrate(
     board: BoardLink,
     steps: Sequence[str],
     settings: Sequence[tuple[str, tuple[float, ...]]],
-    ask: Callable[[str, str], None],
+    ask: Callable[[str, str, Drive | None], None],
     tell: Callable[[str], None],
     patience_s: float,
     out: Path,
@@ -73,8 +82,9 @@ def calibrate(
         try:
             found = STEPS[name](calibration)
         except (StepError, BoardLinkError) as error:
-            done.append({"step": name, "ok": False, "why": str(error)})
-            tell(f"{name} failed: {error}")
+            why = "; ".join([str(error), *getattr(error, "__notes__", [])])
+            done.append({"step": name, "ok": False, "why": why})
+            tell(f"{name} failed: {why}")
             break
         done.append({"step": name, "ok": True, **found})
         tell(f"{name}: {_said(found)}")

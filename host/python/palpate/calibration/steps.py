@@ -1,73 +1,19 @@
 """The steps of a calibration. Each asks the operator for something, watches what the board measures, and writes registers only when all that it
 has found is plausible; else it says why not, and the board keeps what it had."""
 
+import contextlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from palpate.board_link import BoardLink, BoardLinkError
+from palpate.board_link import BoardLinkError
 from palpate.body import Floats
 from palpate.calibration import arm
+from palpate.calibration.drive import FAR_RAD, Driver, radians
 from palpate.calibration.fit import JointFit, fit_joint
-
-
-class StepError(RuntimeError):
-    """Why a step has failed."""
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Of one tick (the register arm.sample), each (3,)."""
-
-    time_s: float
-    joint_rad: Floats
-    joint_rad_s: Floats
-    setpoint_A: Floats
-    measured_A: Floats
-
-
-@dataclass
-class Sweep:
-    """One joint moved by its motor, the others held. (n,) and (n, 3)."""
-
-    joint: int
-    time_s: Floats
-    joint_rad: Floats
-    setpoint_A: Floats
-    measured_A: Floats
-
-
-@dataclass
-class Calibration:
-    """A calibration under way: the board, and how the operator is asked. `ask(key, text)` returns when the operator has been told, and is
-    ready; keys are those of PROMPTS and the joints' names."""
-
-    board: BoardLink
-    ask: Callable[[str, str], None]
-    patience_s: float = 30.0
-    sweeps: list[Sweep] = field(default_factory=list)
-    fits: list[JointFit] = field(default_factory=list)
-
-    def sample(self) -> Sample:
-        register = self.board.read_register("arm.sample")
-        rows = np.array(register.values).reshape(4, 3)
-        return Sample(register.time_s, *rows)
-
-    def counts(self) -> Floats:
-        return np.array(self.board.read_register("encoder.count").values, np.float64)
-
-    def require_idle(self) -> None:
-        state = self.board.state()
-        if state.mode != "idle":
-            raise StepError(f"the board is in mode {state.mode} with faults {state.faults:#x}: must be idle (docs/safety.md)")
-
-    def write(self, name: str, values: Floats) -> list[float]:
-        """Writes and reads back."""
-        self.board.write_register(name, values)
-        return list(self.board.read_register(name).values)
+from palpate.calibration.session import Calibration, StepError
 
 
 # Encoder direction
@@ -90,7 +36,7 @@ def direction(calibration: Calibration) -> dict[str, Any]:
     moved_counts = []
     for joint, (name, how) in enumerate(_DIRECTIONS):
         before = calibration.counts()
-        calibration.ask(name, f"{name.capitalize()}: {how}, and hold it there.")
+        calibration.ask(name, f"{name.capitalize()}: {how}, and hold it there.", None)
         least = _MOVED_RAD * arm.COUNTS_RAD
         deadline_s = board.clock() + calibration.patience_s
         moved = calibration.counts() - before
@@ -119,7 +65,7 @@ _ZERO_COUNTS = 1.5
 def zero(calibration: Calibration) -> dict[str, Any]:
     """The reference pose becomes the origin (CALIBRATE; not kept over a start: the encoders are incremental)."""
     calibration.require_idle()
-    calibration.ask("zero", "Put the arm in its reference pose, upper arm level and forearm straight down, and hold it still.")
+    calibration.ask("zero", "Put the arm in its reference pose, upper arm level and forearm straight down, and hold it still.", None)
     try:
         calibration.board.calibrate()
     except BoardLinkError as error:
@@ -180,14 +126,6 @@ def _require_range(calibration: Calibration, name: str, values: Floats, unit: st
 
 # Sweeps, friction and weight
 
-_AMPLITUDE_RAD = 0.3
-_PERIOD_S = 4.0
-_PERIODS = 2
-# A joint as a spring and a damper about its place: 15 rad/s and 0.7 of the critical damping with the arm's moments of inertia
-# (0.004, 0.0024, 0.001 kg m2), slow against the link's delay of some ms.
-_STIFFNESS_N_M_RAD = np.array([0.9, 0.54, 0.22])
-_DAMPING_N_M_S_RAD = np.array([0.08, 0.05, 0.02])
-_FAR_RAD = 0.35  # from the reference pose at the start; from the path while it sweeps
 _SETPOINT_NOISE_A = 0.1
 _RESIDUAL_SHARE, _RESIDUAL_LEAST_N_M = 0.25, 2e-3
 
@@ -198,72 +136,45 @@ def sweep(calibration: Calibration) -> dict[str, Any]:
     board = calibration.board
     calibration.sweeps.clear()
     calibration.fits.clear()
-    calibration.ask("hold", "Hold the tool near the reference pose. The motors come on next and hold the arm themselves.")
+    calibration.ask("hold", "Hold the tool near the reference pose. The motors come on next and hold the arm themselves.", None)
     start = calibration.sample().joint_rad
-    if np.any(np.abs(start) > _FAR_RAD):
-        raise StepError(f"the joints are at {_radians(start)}: must be within {_FAR_RAD:g} rad of the reference pose")
+    if np.any(np.abs(start) > FAR_RAD):
+        raise StepError(f"the joints are at {radians(start)}: must be within {FAR_RAD:g} rad of the reference pose")
     try:
         board.arm(patience_s=calibration.patience_s, direct=True)
-        _settle(calibration, start, 0.5)
-        calibration.ask("release", "Let go of the tool.")
-        _settle(calibration, start, 1.0)
-        calibration.sweeps += [_sweep_joint(calibration, start, joint) for joint in range(3)]
-    finally:
+        _sweep_all(calibration, start)
+    except BaseException as error:
+        # Motors off without a question: of what fails here nothing leaves an arm that these motors could hold.
         try:
-            calibration.ask("take", "Take the tool again: the motors go off.")
-        finally:
             board.disarm()
+        except BoardLinkError as second:
+            error.add_note(f"{second}; without forces the board switches its outputs off after a second")
+        raise
+    board.disarm()
     difference = np.concatenate([one.measured_A - one.setpoint_A for one in calibration.sweeps])
     noise = difference.std(0)
     if np.any(noise > _SETPOINT_NOISE_A):
         raise StepError(f"currents and set-points differ by {_amperes(noise)} rms about their mean: must be at most {_SETPOINT_NOISE_A:g} A; do the amplifiers follow?")
-    offset = np.array(board.read_register("setpoint.offset_a").values) + difference.mean(0)
+    # Told gain * wanted - offset, the amplifier lets flow wanted + difference: it takes gain * difference more of an offset to have none.
+    gain = np.array(board.read_register("setpoint.gain").values)
+    offset = np.array(board.read_register("setpoint.offset_a").values) + gain * difference.mean(0)
     _require_range(calibration, "setpoint.offset_a", offset, "A")
     return {"difference_A": difference.mean(0).tolist(), "noise_A": noise.tolist(), "setpoint.offset_a": calibration.write("setpoint.offset_a", offset)}
 
 
-def _radians(values: Floats) -> str:
-    return ", ".join(f"{value:+.3f}" for value in values) + " rad"
+def _sweep_all(calibration: Calibration, start_rad: Floats) -> None:
+    """Armed; from the operator's hand and back into it."""
+    driver = Driver(calibration)
 
+    def hold(_: float = 0.0) -> Any:
+        return driver.hold(start_rad)
 
-def _drive(calibration: Calibration, wanted_rad: Floats, wanted_rad_s: Floats) -> Sample:
-    """One sample, and the force that draws the joints to where they shall be."""
-    now = calibration.sample()
-    if np.any(np.abs(now.joint_rad - wanted_rad) > _FAR_RAD):
-        state = calibration.board.state()
-        raise StepError(f"the arm does not follow: joints {_radians(now.joint_rad)}, wanted {_radians(wanted_rad)}; mode {state.mode}, faults {state.faults:#x}")
-    torque_N_m = _STIFFNESS_N_M_RAD * (wanted_rad - now.joint_rad) + _DAMPING_N_M_S_RAD * (wanted_rad_s - now.joint_rad_s)
-    calibration.board.push(np.linalg.solve(arm.jacobian_m(now.joint_rad).T, torque_N_m))
-    return now
-
-
-def _settle(calibration: Calibration, place_rad: Floats, duration_s: float) -> None:
-    first = _drive(calibration, place_rad, np.zeros(3))
-    while _drive(calibration, place_rad, np.zeros(3)).time_s < first.time_s + duration_s:
-        pass
-
-
-def _sweep_joint(calibration: Calibration, start_rad: Floats, joint: int) -> Sweep:
-    rows: list[Sample] = []
-    first_s = _drive(calibration, start_rad, np.zeros(3)).time_s
-    rate = 2 * math.pi / _PERIOD_S
-    passed_s = 0.0
-    while passed_s < _PERIODS * _PERIOD_S:
-        wanted, speed = start_rad.copy(), np.zeros(3)
-        wanted[joint] += _AMPLITUDE_RAD * math.sin(rate * passed_s)
-        speed[joint] = _AMPLITUDE_RAD * rate * math.cos(rate * passed_s)
-        rows.append(_drive(calibration, wanted, speed))
-        passed_s = rows[-1].time_s - first_s
-    state = calibration.board.state()
-    if state.mode != "direct":
-        raise StepError(f"the board went to mode {state.mode} with faults {state.faults:#x} while the {arm.JOINTS[joint]} was swept")
-    return Sweep(
-        joint,
-        np.array([row.time_s for row in rows]),
-        np.array([row.joint_rad for row in rows]),
-        np.array([row.setpoint_A for row in rows]),
-        np.array([row.measured_A for row in rows]),
-    )
+    driver.last(0.5, hold)
+    calibration.ask("release", "Let go of the tool.", hold)
+    driver.last(1.0, hold)
+    sweeps = [driver.sweep(start_rad, joint) for joint in range(3)]
+    calibration.ask("take", "Take the tool again: the motors go off.", hold)
+    calibration.sweeps += sweeps
 
 
 def _fit_all(calibration: Calibration) -> list[JointFit]:
@@ -297,11 +208,16 @@ def friction(calibration: Calibration) -> dict[str, Any]:
     viscous = np.array([fit.viscous_N_m_s for fit in fits])
     _require_range(calibration, "friction.coulomb_n_m", coulomb, "N m")
     _require_range(calibration, "friction.viscous_n_m_s", viscous, "N m s/rad")
-    return {
-        "residual_N_m": [fit.residual_N_m for fit in fits],
-        "friction.coulomb_n_m": calibration.write("friction.coulomb_n_m", coulomb),
-        "friction.viscous_n_m_s": calibration.write("friction.viscous_n_m_s", viscous),
-    }
+    old = {name: np.array(calibration.board.read_register(name).values) for name in ("friction.coulomb_n_m", "friction.viscous_n_m_s")}
+    try:
+        written = {name: calibration.write(name, values) for name, values in zip(old, (coulomb, viscous), strict=True)}
+    except BoardLinkError:
+        # Both or none; a write whose answer was lost may have been done.
+        for name, values in old.items():
+            with contextlib.suppress(BoardLinkError):
+                calibration.write(name, values)
+        raise
+    return {"residual_N_m": [fit.residual_N_m for fit in fits], **written}
 
 
 def gravity(calibration: Calibration) -> dict[str, Any]:
