@@ -12,6 +12,7 @@ from palpate.calibration.arm import tip_m
 from palpate.calibration.session import Drive
 
 HAND_SPEED_M_S = 0.1
+LOOSE = 0.02  # 100 N/m
 # What an operator may take to find the key: longer than the second after which a board without forces switches its outputs off.
 KEY_TICKS = 3000
 
@@ -19,7 +20,7 @@ KEY_TICKS = 3000
 @dataclass
 class FaultyArm:
     """What is wrong with it: encoder_sign (3,); monitor_offset_A (3,) added to what the monitors say, with noise of monitor_noise_A;
-    amplifiers that, told u, let (u + setpoint_offset_A) / setpoint_gain flow; dead and exchanged: an encoder that stands still, two that are
+    amplifiers that, told u, let (u + setpoint_offset_A) / setpoint_gain flow; motor_sign: -1 for a motor whose wires are exchanged, 0 for none; dead and exchanged: an encoder that stands still, two that are
     exchanged."""
 
     encoder_sign: tuple[int, ...] = (1, 1, 1)
@@ -27,6 +28,7 @@ class FaultyArm:
     monitor_noise_A: float = 0.0
     setpoint_offset_A: tuple[float, ...] = (0.0, 0.0, 0.0)
     setpoint_gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    motor_sign: tuple[int, ...] = (1, 1, 1)
     dead: tuple[int, ...] = ()
     exchanged: tuple[int, int] | None = None
 
@@ -39,7 +41,7 @@ class Bench:
     def __init__(self, board: Lockstep, faults: FaultyArm) -> None:
         self.board, self.faults = board, faults
         self._gain = np.array(faults.setpoint_gain)
-        offset_A = np.array(faults.setpoint_offset_A) / self._gain
+        offset_A = np.array(faults.setpoint_offset_A) / self._gain * faults.motor_sign
         self.plant = Plant([(0.0, (0.0, 0.0, 0.0))], device={"amplifier_offset_A": offset_A.tolist()})
         self.flags = 0  # of the next tick
         self._target_m = self._hand_m = np.zeros(3)
@@ -73,12 +75,12 @@ class Bench:
         if self.faults.exchanged:
             one, other = self.faults.exchanged
             counts[[one, other]] = counts[[other, one]]
-        currents = self.plant.measured_current_A + self.faults.monitor_offset_A + self.faults.monitor_noise_A * self._noise.standard_normal(3)
+        currents = self.plant.measured_current_A * self.faults.motor_sign + self.faults.monitor_offset_A + self.faults.monitor_noise_A * self._noise.standard_normal(3)
         frame = self.board.tick(encoder=tuple(int(count) for count in counts), current_A=tuple(float(one) for one in currents), link=self._to_board, flags=self.flags)
         self._to_board = b""
         self.board.frames.clear()
         self.board.sent.clear()
-        self.plant.advance(frame["setpoint_A"] / self._gain, bool(frame["enabled"]))
+        self.plant.advance(frame["setpoint_A"] / self._gain * self.faults.motor_sign, bool(frame["enabled"]))
         self.ticks += 1
         return bytes(frame["link"][: frame["link_length"]])
 
@@ -112,6 +114,8 @@ class Operator:
             for _ in range(1500):
                 self.bench.write(b"")
                 self.bench.tick()
+        if key == "hold":
+            self.bench.plant.set_grip(LOOSE)
         if key == "release":
             self.bench.plant.set_grip(0.0)
         if key in ("release", "take"):

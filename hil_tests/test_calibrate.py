@@ -187,8 +187,19 @@ def test_a_sweep_ends_within_a_second_where_the_board_no_longer_obeys(bench_of, 
 
     calibration.sample = standing
     begun = bench.ticks
-    fails_while_sweeping(calibration, "the board's clock has gone on by 0.000 s while 5.5 s passed here")
+    fails_while_sweeping(calibration, "the board's clock has gone on by 0.000 s while 5.2 s passed here")
     assert bench.ticks < begun + 10_000
+
+
+def test_a_motor_that_is_reversed_or_missing_is_found_in_the_hand(bench_of):
+    """Before the arm is let go."""
+    for sign, why in (((1, -1, 1), "motor of the upper arm is reversed"), ((1, 1, -1), "motor of the forearm is reversed"), ((0, 1, 1), "the base does not move")):
+        calibration, operator = bench_of(FaultyArm(motor_sign=sign))
+        fails_while_sweeping(calibration, why)
+        assert operator.keys == ["hold"]
+    calibration, operator = bench_of(FaultyArm())
+    operator.overrides = {"hold": lambda bench: None}  # firmly
+    fails_while_sweeping(calibration, "the base does not move .* hold the tool loosely")
 
 
 def test_what_fails_is_told_although_disarming_fails_too(bench_of):

@@ -17,6 +17,10 @@ _PERIODS = 2
 _STIFFNESS_N_M_RAD = np.array([0.9, 0.54, 0.22])
 _DAMPING_N_M_S_RAD = np.array([0.08, 0.05, 0.02])
 FAR_RAD = 0.35  # from the reference pose at the start; from the path while it sweeps
+# Of the check of a motor's polarity: 20 mN m beyond the arm's friction, 0.14 N at the tip; 10 counts, 0.3 mm at the tip.
+_PUSH_N_M = 0.03
+_PUSH_S, _REST_S, _PUSH_TIMES = 0.5, 0.2, 2
+_GIVES_RAD, _ENOUGH_RAD = 1.5e-3, 0.01
 # A board says its mode ten times a second.
 _SILENT_S = 1.0
 # By how much a loop may outlast its time by the board's clock: no clock is that slow.
@@ -89,6 +93,38 @@ class Driver:
             np.array([row.setpoint_A for row in rows]),
             np.array([row.measured_A for row in rows]),
         )
+
+    def require_polarity(self, joint: int) -> None:
+        """Pushes one joint, which gives way in a loose hand, both ways and twice: it must go where it is pushed. Raises StepError."""
+        name = arm.JOINTS[joint]
+        for _ in range(_PUSH_TIMES):
+            ways = [sign * self._give_rad(joint, sign * _PUSH_N_M) for sign in (1.0, -1.0)]
+            told = f"it went {1e3 * ways[0]:+.1f} and {1e3 * ways[1]:+.1f} mrad along pushes of {1e3 * _PUSH_N_M:g} mN m either way"
+            if max(ways) < -_GIVES_RAD:
+                raise StepError(f"motor of the {name} is reversed: {told}")
+            if min(ways) < _GIVES_RAD:
+                raise StepError(f"the {name} does not move as its motor pushes: {told}, must be at least {1e3 * _GIVES_RAD:g}; hold the tool loosely and still; is the motor connected?")
+
+    def _give_rad(self, joint: int, most_N_m: float) -> float:
+        """How far a joint has gone when the torque, growing from nothing, has moved it far enough, or is at its most."""
+        before_rad = self.last(_REST_S, lambda _: self._exert(joint, 0.0))[-1].joint_rad[joint]
+        gone_rad = 0.0
+
+        def step(passed_s: float) -> Sample:
+            nonlocal gone_rad
+            now = self._exert(joint, most_N_m * min(1.0, passed_s / _PUSH_S) if abs(gone_rad) < _ENOUGH_RAD else 0.0)
+            if abs(gone_rad) < _ENOUGH_RAD:
+                gone_rad = float(now.joint_rad[joint] - before_rad)
+            return now
+
+        self.last(_PUSH_S, step)
+        return gone_rad
+
+    def _exert(self, joint: int, torque_N_m: float) -> Sample:
+        """One sample, and the tip force that is this torque of one joint and none of the others."""
+        now = self.sample()
+        self._push(now, torque_N_m * np.eye(3)[joint])
+        return now
 
     def _push(self, now: Sample, torque_N_m: Floats) -> None:
         self._calibration.board.push(np.linalg.solve(arm.jacobian_m(now.joint_rad).T, torque_N_m))

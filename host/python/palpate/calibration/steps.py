@@ -136,7 +136,7 @@ def sweep(calibration: Calibration) -> dict[str, Any]:
     board = calibration.board
     calibration.sweeps.clear()
     calibration.fits.clear()
-    calibration.ask("hold", "Hold the tool near the reference pose. The motors come on next and hold the arm themselves.", None)
+    calibration.ask("hold", "Hold the tool loosely near the reference pose, so that it can give way. The motors come on next, push each joint to and fro, and hold the arm.", None)
     start = calibration.sample().joint_rad
     if np.any(np.abs(start) > FAR_RAD):
         raise StepError(f"the joints are at {radians(start)}: must be within {FAR_RAD:g} rad of the reference pose")
@@ -169,6 +169,8 @@ def _sweep_all(calibration: Calibration, start_rad: Floats) -> None:
     def hold(_: float = 0.0) -> Any:
         return driver.hold(start_rad)
 
+    for joint in range(3):
+        driver.require_polarity(joint)
     driver.last(0.5, hold)
     calibration.ask("release", "Let go of the tool.", hold)
     driver.last(1.0, hold)
