@@ -32,7 +32,7 @@ class UsbBoard:
         self._host = host
         self._is_pulled_out = is_pulled_out
         self._tick_s = _TICK_s
-        self._plant: palpate.Plant | None = None
+        self.plant: palpate.Plant | None = None  # once it is moved
         self.largest_force_N = 0.0  # since it was moved
         self._pending: dict[int, Transfer] = {}
         self._descriptors = b"", b""
@@ -43,7 +43,7 @@ class UsbBoard:
     def move(self, plant: palpate.Plant, tick_s: float) -> None:
         """From here on `plant`, whose sensors are among the host's inputs, goes its way and takes the board's currents; a tick takes no
         less than tick_s."""
-        self._plant, self._tick_s, self.largest_force_N = plant, tick_s, 0.0
+        self.plant, self._tick_s, self.largest_force_N = plant, tick_s, 0.0
 
     def serve(self, channel: redir.Channel) -> bool:
         """Until the guest hangs up (False) or the board is pulled out (True)."""
@@ -71,8 +71,8 @@ class UsbBoard:
         actuators = self._host.tick()
         self.ticks += 1
         self.largest_force_N = max(self.largest_force_N, float(np.linalg.norm(actuators["force_N"])))
-        if self._plant is not None:
-            self._plant.advance(np.asarray(actuators["setpoint_A"], dtype=np.float64), bool(actuators["enabled"]))
+        if self.plant is not None:
+            self.plant.advance(np.asarray(actuators["setpoint_A"], dtype=np.float64), bool(actuators["enabled"]))
 
     def _handle(self, kind: int, identifier: int, body: bytes) -> None:
         if kind == redir.HELLO:
