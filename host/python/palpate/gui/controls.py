@@ -33,7 +33,6 @@ _WARNING = (1.0, 0.70, 0.30, 1.0)
 _NAMES_ON_CAN = {"flip_bit": "error on the bus"}
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
-_VALUES_AT = 170.0  # where the values of registers begin, pixels
 _SILENT_s = 0.5  # without a word of the board
 _OLD_MODEL_s = 0.5  # its force has faded by then; within a second more outputs go off (docs/safety.md)
 # Also for values that are typed in.
@@ -282,11 +281,11 @@ def _calibration(board: BoardRegisters) -> None:
         _wrapped(_WARNING, f"not read: {board.trouble}")
         return
     for register in board.registers:
-        psim.Text(register.name)
-        psim.SameLine(_VALUES_AT)
-        psim.Text(", ".join(f"{value:.3g}" for value in register.values))
+        # Names and numbers side by side are wider than the panel.
+        psim.TextColored(_DULL, register.name)
+        psim.Text("  " + ", ".join(f"{value:.3g}" for value in register.values))
     kept = all(register.is_persistent for register in board.registers)
-    psim.TextColored(_DULL, "as the loop began; " + ("kept by the board" if kept else "until the board starts again"))
+    _wrapped(_DULL, "as the loop began; " + ("kept by the board" if kept else "until the board starts again"))
 
 
 def _injected(troubles: Mapping[str, Any]) -> str:
