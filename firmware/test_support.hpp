@@ -57,6 +57,11 @@ struct MemoryBoard {
   void poll_receive() {}
   void start_transmit() {}
 
+  ResetReport reset{};
+  std::vector<std::uint32_t> over_reset{};  // a board that has such memory: kKeptWords
+  [[nodiscard]] ResetReport reset_report() const { return reset; }
+  std::span<std::uint32_t> kept_words() { return over_reset; }
+
   std::vector<std::uint8_t> kept{};  // parameters
   bool memory_works = true;
   [[nodiscard]] static bool keeps_parameters() { return true; }
@@ -161,6 +166,7 @@ inline wire::ModelContents square_model(std::uint32_t sequence, std::uint32_t ti
   message.schema_hash = wire::kSchemaHash;
   message.tick = tick;
   message.valid_ticks = 1000;
+  message.growth_ticks = 0xffff;
   message.modes = static_cast<std::uint16_t>(model.view.modes);
   message.nodes = message.surface_nodes = static_cast<std::uint8_t>(model.view.nodes);
   message.triangles = static_cast<std::uint8_t>(model.view.triangles);

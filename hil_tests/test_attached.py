@@ -16,7 +16,7 @@ from test_gui import BODY_SHARE, BLUE_PIXELS, ENVIRONMENT, HEIGHT, PATCH_PIXELS,
 from test_live import DEADLINE_S, RENDER, SCENES, SMALL, wait
 
 from palpate import board_search, doctor, record
-from palpate.hil import BoardError
+from palpate.hil import BOARDS, BoardError
 from palpate.live import Live
 from palpate.scene import load_scene
 from palpate.virtual_device import VirtualDevice
@@ -120,15 +120,19 @@ def test_a_named_board_that_does_not_answer_is_an_error() -> None:
     assert done.stderr.count("\n") == 1 and "PALPATE_LINK = serial:/nowhere" in done.stderr
 
 
+def window(device: VirtualDevice, script: str, folder: Path, height: int, *more: str) -> subprocess.CompletedProcess[str]:
+    words = ["xvfb-run", "-a", "-s", f"-screen 0 {WIDTH}x{height}x24", sys.executable, "-m", "palpate", "gui", "--json", "--size", f"{WIDTH}x{height}",
+             str(SCENES / "demo.toml"), *(word for key, value in SMALL.items() for word in ("--set", f"{key}={value}")),
+             "--script", str(SCRIPTS / script), "--out", str(folder), *more]  # fmt: skip
+    environment = {k: v for k, v in ENVIRONMENT.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    environment[board_search.VARIABLE] = device.address
+    return subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=280)
+
+
 @pytest.mark.timeout(300)
 def test_the_window_finds_it_by_itself(device: VirtualDevice, tmp_path: Path) -> None:
     picture = tmp_path / "attached.png"
-    words = ["xvfb-run", "-a", "-s", f"-screen 0 {WIDTH}x{HEIGHT}x24", sys.executable, "-m", "palpate", "gui", "--json",
-             str(SCENES / "demo.toml"), *(word for key, value in SMALL.items() for word in ("--set", f"{key}={value}")),
-             "--script", str(SCRIPTS / "attached.py"), "--screenshot", str(picture), "--out", str(tmp_path)]  # fmt: skip
-    environment = {k: v for k, v in ENVIRONMENT.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    environment[board_search.VARIABLE] = device.address
-    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=280)
+    done = window(device, "attached.py", tmp_path, HEIGHT, "--screenshot", str(picture))
     assert done.returncode == 0, done.stderr
     assert f"board native at {device.address}" in done.stderr
     numbers = json.loads(done.stdout)
@@ -139,3 +143,18 @@ def test_the_window_finds_it_by_itself(device: VirtualDevice, tmp_path: Path) ->
     red = (scene[..., 0] > 0.75) & (scene[..., 1] < 0.65) & (scene[..., 2] > 0.35) & (scene[..., 2] < 0.8)
     assert red.sum() > PATCH_PIXELS
     assert near(plots, (0.12, 0.40, 0.80), 0.08) > BLUE_PIXELS
+
+
+@pytest.mark.timeout(300)
+def test_window_and_doctor_tell_of_a_real_boards_last_reset_and_budgets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The flashed image on models of its part, which are fast enough for it."""
+    pytest.importorskip("unicorn", reason="Unicorn is not installed: ./run does it")
+    if not BOARDS["nucleo_g474re"].image.exists():
+        pytest.skip("the image for nucleo_g474re is not built: ./run does it")
+    scene = load_scene(SCENES / "demo.toml", {**SMALL, "link.baud": 921_600, "model.builder": "hybrid"})
+    with VirtualDevice(scene, "nucleo_g474re") as device:
+        monkeypatch.setenv(board_search.VARIABLE, device.address)
+        told = next(check for check in doctor.check_boards() if check.name == f"board at {device.address}")
+        assert told.ok and "nucleo_g474re, firmware" in told.found and told.found.endswith("; last reset: power was low or off, reset pin"), told
+        done = window(device, "board.py", tmp_path, 1400)
+    assert done.returncode == 0, done.stderr

@@ -25,11 +25,11 @@ COULOMB_N_m, GRAVITY_N_m = (8.6e-3, 8.6e-3, 6.8e-3), (0.0, -0.01629, -0.07374)
 MONITOR_BOUND_A = 3e-3
 # Of 8,000 readings it is 0.1 mA; the monitors' own offset comes on top.
 SETPOINT_BOUND_A = 4e-3
-# 0.01 A are 2.6 to 3.1 mN m of a reading. A fit to one sweep with 300 draws of that noise scatters by 0.18 mN m (Coulomb friction), by
-# 0.47 mN m s/rad (viscous) about a mean of 0.38, and by 0.73 mN m (forearm's weight, which its inertia resembles): three of each.
-COULOMB_BOUND_N_m = 0.6e-3
-GRAVITY_BOUND_N_m = 2.2e-3
-VISCOUS_BOUND_N_m_s = 1.8e-3
+# 0.01 A are 2.6 to 3.1 mN m of a reading. A fit to one sweep with 300 draws of that noise scatters by 0.15 mN m (Coulomb friction), by
+# 0.25 mN m s/rad (viscous) about a mean of 0.29, and by 0.59 mN m (forearm's weight): three of each.
+COULOMB_BOUND_N_m = 0.5e-3
+GRAVITY_BOUND_N_m = 1.8e-3
+VISCOUS_BOUND_N_m_s = 1.1e-3
 # Held by 0.22 to 0.9 N m/rad against friction of at most 8.6 mN m: the forearm within 31 mrad, the others less.
 STRAYED_RAD = 0.04
 

@@ -74,6 +74,15 @@ def test_the_displacement_has_colours(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)
+def test_a_body_from_a_mesh(tmp_path: Path) -> None:
+    picture = tmp_path / "gui.png"
+    done = gui("scenes/liver.toml", "--script", SCRIPTS / "mesh.py", "--screenshot", picture, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    body = (matplotlib.image.imread(picture)[SCENE][..., :3].max(axis=-1) < 0.98).mean()
+    assert BODY_SHARE[0] < body < BODY_SHARE[1]
+
+
+@pytest.mark.timeout(300)
 def test_controls_by_script(tmp_path: Path) -> None:
     done = gui("scenes/demo.toml", "--script", SCRIPTS / "controls.py", "--out", tmp_path)
     assert done.returncode == 0, done.stderr

@@ -24,6 +24,8 @@ from palpate.machine.links import link_of
 from palpate.machine.nucleo_g474re import TICK_CYCLES, Nucleo
 from palpate.machine.part import Image
 from palpate.machine.stm32g474 import CLOCK_Hz
+from palpate.reset_record import REGISTER as RESET_RECORD
+from palpate.reset_record import ResetRecord
 
 SECOND = CLOCK_Hz
 # A step of the DAC is 16 A / 4096.
@@ -174,29 +176,113 @@ def test_a_processor_fault_resets_and_leaves_a_record(board):
         board.run_tick()
         assert board.run_to_tick(SECOND)
     assert board.chip.resets == 1
+    before = kept_tick(board)
     start(board)
     assert reset_flags(board) & SOFTWARE_RESET
     assert word(board, "palpate_boot_report", 2) == FAULT_PROCESSOR
+    # As a host reads it.
+    record = reset_record(board)
+    assert "software" in record.cause and record.failed_starts == 0
+    assert record.fault.startswith(f"processor fault at {word(board, 'palpate_boot_report', 4):#010x}, CFSR 0x8200")  # a precise bus error
+    assert (record.tick, record.faults) == (before, 0) and f"last tick {before}" in record.before
 
 
-REGISTER_ACCESS = 384
+def test_power_that_comes_on_leaves_no_record(board):
+    start(board)
+    record = reset_record(board)
+    assert "power was low or off" in record.cause and record.fault == "" and "without power" in record.before
+
+
+def kept_tick(board: Nucleo) -> int:
+    """The last one that has ended."""
+    return word(board, "palpate_kept_tick", 1)
+
+
+def kept_heat(board: Nucleo) -> tuple[float, ...]:
+    """Windings and housings, of the last tick (firmware/core/kept_tick.hpp)."""
+    return struct.unpack("<6f", board.chip.core.load(board.chip.image.symbols["palpate_kept_tick"] + 12, 24))
+
+
+def faults(board: Nucleo) -> int:
+    return word(board, "palpate_last_tick_report", 17)
+
+
+def test_hot_motors_are_hot_after_a_reset_and_taken_for_hot_after_a_loss_of_power(board):
+    start(board)
+    # Nobody knows what was before: as warm as the continuous current makes them, which 12 s of a winding have hardly changed.
+    np.testing.assert_allclose(kept_heat(board), 1.0, rtol=1e-3)
+    board.set_monitors([7.0, 0.0, 0.0])  # somebody else drives it, beyond what the account lets be
+    while not faults(board):
+        run_ticks(board, 1)
+    assert faults(board) == MOTOR_HEAT
+    hot = kept_heat(board)
+    assert 0.25 * hot[0] + 0.75 * hot[3] > 1.1
+    board.set_monitors([0.0, 0.0, 0.0])
+    board.chip.core.crash()
+    while not board.chip.resets:
+        board.run_tick()
+        assert board.run_to_tick(SECOND)
+    before, last = kept_heat(board), kept_tick(board)
+    start(board)
+    # As it was, but for the cooling of five ticks; so the fault is there again.
+    np.testing.assert_allclose(kept_heat(board), before, rtol=1e-3)
+    assert faults(board) == MOTOR_HEAT
+    record = reset_record(board)
+    assert (record.tick, record.faults) == (last, MOTOR_HEAT) and "latched: motor heat" in record.before
+    board.chip.power_cycle()
+    start(board)
+    np.testing.assert_allclose(kept_heat(board), 1.0, rtol=1e-3)
+    assert faults(board) == 0
+
+
+def test_the_watchdogs_reset_keeps_the_heat_too(board):
+    board.leave_cold_motors()
+    start(board)
+    board.set_monitors([0.0, 7.0, 0.0])
+    run_ticks(board, 50)
+    board.set_monitors([0.0, 0.0, 0.0])
+    board.chip.timer["TIM7"].write_CR1(0)
+    board.run_to_tick(SECOND // 2)
+    assert board.chip.resets == 1
+    before = kept_heat(board)
+    assert before[1] > 0.05 and before[0] < 1e-3
+    start(board)
+    np.testing.assert_allclose(kept_heat(board)[1], before[1], rtol=2e-3)
+    assert "watchdog" in reset_record(board).cause
+
+
+REGISTER_ACCESS, INTEGER32 = 384, 5
+MOTOR_HEAT = 1 << 11
 # A number of the version, then nine registers of three float32; the third is setpoint.gain.
 TUNING_BYTES, SETPOINT_GAIN_AT = 4 + 9 * 12, 4 + 2 * 12
 
 
-def store(board: Nucleo, transfer_id: int, gain: float) -> float | None:
-    """Writes the register setpoint.gain over the link; what it is then. None: the board has started again meanwhile."""
-    name, resets, link = b"setpoint.gain", board.chip.resets, link_of(board.chip)
+def access(board: Nucleo, transfer_id: int, name: bytes, value: bytes = b"\0") -> bytes | None:
+    """Reads a register over the link, or writes it; its value then, with its type and number before it. None: the board has started again meanwhile."""
+    resets, link = board.chip.resets, link_of(board.chip)
+    link.take(1 << 20)  # of before, cut off where the board was reset
     reader = LinkReader(synchronized=False)
-    link.receive(LinkCodec.request(REGISTER_ACCESS, transfer_id, bytes([len(name)]) + name + struct.pack("<BB3f", 13, 3, gain, gain, gain)))
+    link.receive(LinkCodec.request(REGISTER_ACCESS, transfer_id, bytes([len(name)]) + name + value))
     for _ in range(200):
         if not board.run_to_tick(SECOND) or board.chip.resets != resets:
             return None
         board.run_tick()
         for frame in reader.feed(link.take(LINK_BYTES_PER_TICK)):
             if frame.port == REGISTER_ACCESS and frame.is_response:
-                return struct.unpack_from("<f", frame.payload, 10)[0]
+                return frame.payload[8:]
     raise TimeoutError("the request is not answered")
+
+
+def store(board: Nucleo, transfer_id: int, gain: float) -> float | None:
+    """Writes the register setpoint.gain over the link; what it is then. None: the board has started again meanwhile."""
+    answer = access(board, transfer_id, b"setpoint.gain", struct.pack("<BB3f", 13, 3, gain, gain, gain))
+    return None if answer is None else struct.unpack_from("<f", answer, 2)[0]
+
+
+def reset_record(board: Nucleo) -> ResetRecord:
+    answer = access(board, 0, RESET_RECORD.encode())
+    assert answer is not None and answer[:2] == bytes([INTEGER32, 10])
+    return ResetRecord.of("nucleo_g474re", struct.unpack_from("<10i", answer, 2))
 
 
 @pytest.mark.parametrize("unreadable", [False, True])
@@ -249,6 +335,26 @@ def test_parameters_are_used_at_once_and_after_the_next_start(board):
     board.chip.power_cycle()
     start(board)
     assert store(board, 0, 2.0) == 1.125  # refused, and what was kept is there
+
+
+CALIBRATE = 4
+
+
+def test_the_zero_is_set_where_the_arm_rests(board):
+    """By CALIBRATE over the link: the counts of now become those of the reference pose, where the tip is the origin."""
+    start(board)
+    # As fast as a hand: a jump would ask for the calibration, too.
+    for share in range(0, 101, 2):
+        board.set_encoders([9 * share, -7 * share, 4 * share])
+        run_ticks(board, 1)
+
+    def tip_m() -> np.ndarray:
+        return np.frombuffer(board.chip.core.load(board.chip.image.symbols["palpate_last_tick_report"] + 8, 12), np.float32)
+
+    assert np.linalg.norm(tip_m()) > 0.01 and faults(board) == 0
+    link_of(board.chip).receive(LinkCodec.command(7, CALIBRATE))
+    run_ticks(board, 200)
+    assert np.linalg.norm(tip_m()) < 1e-6 and faults(board) == 0
 
 
 # In place of many boards that start: one run of each, in which a model is taken over and pressed into (test_board_lockstep.py).

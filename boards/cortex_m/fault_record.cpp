@@ -6,6 +6,8 @@
 
 extern "C" {
 [[gnu::section(".noinit"), gnu::used]] palpate::cortex_m::FaultRecord palpate_fault_record;
+[[gnu::section(".noinit"), gnu::used]] std::array<std::uint32_t, palpate::firmware::kKeptWords>
+    palpate_kept_tick;
 [[gnu::used]] palpate::cortex_m::BootReport palpate_boot_report;
 }
 
@@ -30,8 +32,21 @@ void write(FaultRecord record) {
 
 }  // namespace
 
-const BootReport& boot_report() {
-  return palpate_boot_report;
+firmware::ResetReport reset_report() {
+  const FaultRecord& fault = palpate_boot_report.fault;
+  return {.is_known = true,
+          .causes = palpate_boot_report.reset_flags,
+          .reason = static_cast<std::uint32_t>(fault.reason),
+          .detail = fault.detail,
+          .program_counter = fault.program_counter,
+          .cfsr = fault.cfsr,
+          .hfsr = fault.hfsr,
+          .bfar = fault.bfar,
+          .failed_starts = fault.failed_starts};
+}
+
+std::span<std::uint32_t> kept_words() {
+  return palpate_kept_tick;
 }
 
 void note_reset(std::uint32_t reset_flags) {

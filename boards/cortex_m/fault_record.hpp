@@ -2,9 +2,13 @@
 // every reset but loss of power, after which its check does not fit.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 
 #include "boards/cortex_m/register.hpp"
+#include "firmware/core/kept_tick.hpp"
+#include "firmware/ports/ports.hpp"
 
 namespace palpate::cortex_m {
 
@@ -33,7 +37,10 @@ struct BootReport {
   std::uint32_t reset_flags = 0;
   FaultRecord fault{};
 };
-const BootReport& boot_report();
+// The same for ResetPort of firmware/ports/ports.hpp.
+firmware::ResetReport reset_report();
+// Beside the record, for the last tick (firmware/core/kept_tick.hpp).
+std::span<std::uint32_t> kept_words();
 
 // First thing: takes up the record of before. reset_flags: the part's causes of the last reset.
 void note_reset(std::uint32_t reset_flags);
@@ -61,4 +68,5 @@ extern "C" {
 // By these names a debugger finds them.
 extern palpate::cortex_m::FaultRecord palpate_fault_record;
 extern palpate::cortex_m::BootReport palpate_boot_report;
+extern std::array<std::uint32_t, palpate::firmware::kKeptWords> palpate_kept_tick;
 }

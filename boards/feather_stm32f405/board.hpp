@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "boards/cortex_m/fault_record.hpp"
 #include "boards/cortex_m/idle.hpp"
 #include "boards/skeleton/no_arm.hpp"
 #include "boards/stm32/tick_guard.hpp"
@@ -44,6 +45,9 @@ class FeatherStm32f405 : public NoArm {
   [[nodiscard]] std::uint32_t clock_count() const { return stm32f4::Timebase::clock_count(); }
   [[nodiscard]] std::uint32_t clock_Hz() const { return stm32f4::kTimerClock_Hz; }
   [[nodiscard]] std::uint32_t first_due_count() const { return timebase_.first_due_count(); }
+
+  // ResetPort, of which a board without motors keeps no tick
+  [[nodiscard]] static firmware::ResetReport reset_report() { return cortex_m::reset_report(); }
 
   // LinkPort
   firmware::LinkBuffers& link() { return link_; }

@@ -47,7 +47,7 @@ struct ExchangeFrames {
 
 // Wire: what the link's bytes in the exchange are (byte_wire.hpp, usb_wire.hpp).
 template <Platform P, class Wire>
-class EmulatedBoard : public firmware::VolatileParameters {
+class EmulatedBoard : public firmware::KeepsNothing {
  public:
   EmulatedBoard(P& platform, ExchangeFrames& frames, typename Wire::Hardware& hardware,
                 const std::array<std::uint8_t, 16>& unique_id)

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "board_wire.hpp"
+#include "boards/cortex_m/fault_record.hpp"
 #include "boards/cortex_m/idle.hpp"
 #include "boards/nucleo_g474re/calibration.hpp"
 #include "boards/nucleo_g474re/pins.hpp"
@@ -63,6 +64,10 @@ class NucleoG474re {
   [[nodiscard]] static bool keeps_parameters();
   [[nodiscard]] static bool read_parameters(std::span<std::uint8_t> out);
   bool write_parameters(std::span<const std::uint8_t> in);
+
+  // ResetPort
+  [[nodiscard]] static firmware::ResetReport reset_report() { return cortex_m::reset_report(); }
+  [[nodiscard]] static std::span<std::uint32_t> kept_words() { return cortex_m::kept_words(); }
 
   // LinkPort
   firmware::LinkBuffers& link() { return link_; }

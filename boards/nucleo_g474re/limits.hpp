@@ -7,7 +7,7 @@
 namespace palpate::board {
 
 // Those of a PHANTOM 1.5-class arm. Who builds another one sets its currents, speeds and forces here. How
-// warm the motors are when the board starts nobody knows: they may have been at their limit a second ago.
+// warm the motors are when power comes on nobody knows: they may have been at their limit a second ago.
 inline constexpr firmware::Limits kLimits{.heat_at_start = 1.0f};
 
 }  // namespace palpate::board

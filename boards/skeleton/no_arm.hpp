@@ -10,7 +10,7 @@
 
 namespace palpate::board {
 
-class NoArm : public firmware::VolatileParameters {
+class NoArm : public firmware::KeepsNothing {
  public:
   // No currents are measured, and no number says so: the supervisor latches not_a_number from the first tick,
   // and refuses to arm and to clear it (docs/safety.md). So nobody acts on the counts either.

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "firmware/core/deadline_monitor.hpp"
+#include "firmware/core/kept_tick.hpp"
 #include "firmware/core/mailbox.hpp"
 #include "firmware/core/outputs.hpp"
 #include "firmware/core/renderer.hpp"
@@ -40,7 +41,9 @@ class App {
     if (std::array<std::uint8_t, kTuningBytes> kept; board.read_parameters(kept))
       (void)unpack_tuning(kept, tuning);
     servo_.begin(tuning);
-    endpoint_.registers().begin(tuning, board.keeps_parameters());
+    KeptTick before;
+    if (recall(board.kept_words(), before)) servo_.begin(before.heat);
+    endpoint_.registers().begin(tuning, board.keeps_parameters(), board.reset_report(), before);
   }
 
   // Interrupt context, top priority, every millisecond.
@@ -59,6 +62,7 @@ class App {
  private:
   [[gnu::noinline]] void store_tuning();  // its bytes do not lie below the endpoint's stack
   TickReport report(const ServoOutput& output) const;
+  [[gnu::noinline]] void isr_keep(const ServoOutput& output);  // nor this below the servo's
 
   Board& board_;
   Outputs<Board> outputs_;
@@ -102,6 +106,8 @@ void App<Board>::isr_tick() {
                                               .supply_low = board_.isr_supply_low()});
   outputs_.isr_apply(output.outputs_on, output.setpoint_A);
 
+  isr_keep(output);
+
   new_missed_deadlines_ = deadlines_.isr_check(board_.clock_count());
   board_.isr_end_tick(report(output));
   deadlines_.isr_end(board_.clock_count());
@@ -136,6 +142,11 @@ void App<Board>::store_tuning() {
   std::array<std::uint8_t, kTuningBytes> bytes;
   pack_tuning(*tuning, bytes);
   endpoint_.registers().stored(board_.write_parameters(bytes));
+}
+
+template <BoardPort Board>
+void App<Board>::isr_keep(const ServoOutput& output) {
+  keep({.tick = deadlines_.tick(), .faults = output.faults, .heat = servo_.heat()}, board_.kept_words());
 }
 
 template <BoardPort Board>

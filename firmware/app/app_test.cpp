@@ -41,6 +41,10 @@ class AppTest : public ::testing::Test {
     ASSERT_EQ(command(palpate_Command_Request_1_0_ARM_CONFIRM, challenge._token).status, 0);
   }
 
+  void start_again() {
+    app_ = std::make_unique<App<MemoryBoard>>(*board_, BoardIdentity{"memory", "0", {1}}, kCatchUpCortexM4);
+  }
+
   std::unique_ptr<MemoryBoard> board_ = std::make_unique<MemoryBoard>();
   std::unique_ptr<App<MemoryBoard>> app_ =
       std::make_unique<App<MemoryBoard>>(*board_, BoardIdentity{"memory", "0", {1}}, kCatchUpCortexM4);
@@ -67,6 +71,31 @@ TEST_F(AppTest, AFaultSwitchesOffWithinItsTick) {
   EXPECT_FALSE(board_->enabled);
   EXPECT_EQ(board_->setpoint_A, (std::array<float, 3>{}));
   EXPECT_EQ(board_->report.faults, bit(Fault::emergency_stop));
+}
+
+// With memory that a reset leaves; without it they begin as the board's limits say.
+TEST_F(AppTest, MotorsAreAsHotAfterAResetAsBefore) {
+  board_->over_reset.assign(kKeptWords, 0);
+  start_again();
+  board_->current_A = {7.0f, 0.0f, 0.0f};  // outputs are off: somebody else drives it
+  ticks(1500);
+  KeptTick last;
+  ASSERT_TRUE(recall(board_->kept_words(), last));
+  EXPECT_EQ(last.tick, board_->report.tick);
+  EXPECT_GT(last.heat.winding[0], 3.0f);
+  board_->current_A = {};
+  start_again();
+  ticks(1);
+  KeptTick first;
+  ASSERT_TRUE(recall(board_->kept_words(), first));
+  EXPECT_NEAR(first.heat.winding[0], last.heat.winding[0] * (1.0f - 1e-3f / 12.0f), 1e-5f);  // a tick of 12 s
+  EXPECT_EQ(first.heat.housing, last.heat.housing);
+
+  board_->over_reset[3] ^= 1u;
+  start_again();
+  ticks(1);
+  ASSERT_TRUE(recall(board_->kept_words(), first));
+  EXPECT_EQ(hottest(first.heat, kDefaultLimits), 0.0f);
 }
 
 TEST_F(AppTest, BackgroundIsDueOncePerTick) {

@@ -124,14 +124,44 @@ TEST(DeadlineMonitor, RecoversFromBoundaryCases) {
   EXPECT_EQ(monitor.tick(), timer.number());
 }
 
+// Half a tick is the border between one that comes early and one that has been counted as lost.
+TEST(DeadlineMonitor, AnInterruptOfATickThatIsCountedAlreadyIsNone) {
+  DeadlineMonitor monitor;
+  monitor.isr_start(kPeriod, kPeriod);
+  ASSERT_TRUE(monitor.isr_begin(kPeriod));
+  EXPECT_EQ(monitor.isr_check(kPeriod + 100), 0u);
+  monitor.isr_end(kPeriod + 100);
+  EXPECT_FALSE(monitor.isr_begin(2 * kPeriod - kPeriod / 2 - 1));
+  EXPECT_EQ(monitor.tick(), 0u);
+  EXPECT_EQ(monitor.next_tick(), 1u);
+  EXPECT_TRUE(monitor.isr_begin(2 * kPeriod - kPeriod / 2));
+  EXPECT_EQ(monitor.tick(), 1u);
+}
+
+TEST(DeadlineMonitor, BeforeTheFirstTickNothingIsCounted) {
+  DeadlineMonitor monitor;
+  EXPECT_EQ(monitor.tick(), 0u);
+  EXPECT_EQ(monitor.next_tick(), 0u);
+  EXPECT_EQ(monitor.elapsed_ticks(), 1u);
+  EXPECT_EQ(monitor.missed_deadlines(), 0u);
+  EXPECT_EQ(monitor.tick_count(), 0u);
+  EXPECT_EQ(monitor.worst_tick_count(), 0u);
+  // One that nobody has started is one without a clock.
+  EXPECT_TRUE(monitor.isr_begin(0));
+  EXPECT_EQ(monitor.isr_check(7), 0u);
+}
+
 TEST(DeadlineMonitor, WithoutAClockNothingIsLate) {
   DeadlineMonitor monitor;
+  monitor.isr_start(0, 0);
+  ASSERT_TRUE(monitor.isr_begin(0));
+  EXPECT_EQ(monitor.isr_check(5), 0u);  // whatever it says
   monitor.isr_start(0, 0);
   for (std::uint32_t tick = 0; tick < 10; ++tick) {
     ASSERT_TRUE(monitor.isr_begin(0));
     EXPECT_EQ(monitor.isr_check(0), 0u);
     monitor.isr_end(0);
-    EXPECT_EQ(monitor.tick(), tick);
+    EXPECT_EQ(monitor.tick(), tick + 1);
   }
 }
 

@@ -59,10 +59,30 @@ TEST(LimitRanges, LimitsMustGoTogether) {
   EXPECT_EQ(bad_limit({.motor_continuous_A = {0.0f, 1.0f, 1.0f}}), "motor_continuous_A");
   EXPECT_EQ(bad_limit({.motor_continuous_A = {1.3f, 1.3f, NAN}}), "motor_continuous_A");
   EXPECT_EQ(bad_limit({.motor_continuous_A = {1.3f, 1.3f, 50.5f}}), "motor_continuous_A");
+  // Ends that are allowed.
+  EXPECT_EQ(bad_limit({.motor_current_A = {0.5f, 0.5f, 0.5f}}), "");
+  EXPECT_NE(bad_limit({.motor_current_A = {50.0f, 50.0f, 50.0f}}), "motor_current_A");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {50.0f, 50.0f, 50.0f}}), "");
+  EXPECT_EQ(bad_limit({.peak_force_N = 5.0f}), "");  // as much as a program may
+  EXPECT_EQ(bad_limit({.peak_force_N = 8.5f, .force_fault_N = 8.5f}), "");
+  EXPECT_EQ(bad_limit({.direct_hold_ticks = 100, .direct_fade_ticks = 100, .direct_lost_ticks = 200}), "");
   // The currents of a hotter part would fold within too few ticks.
   EXPECT_EQ(bad_limit({.winding_s = 8.0f}), "");
   EXPECT_EQ(bad_limit({.winding_s = 7.0f}), "heat_fold");
   EXPECT_EQ(bad_limit({.motor_continuous_A = {1.24f, 1.24f, 0.9f}}), "heat_fold");
+  EXPECT_EQ(bad_limit({.motor_continuous_A = {0.9f, 1.24f, 1.24f}}), "heat_fold");
+  // By exactly 0.5 N a tick they may: 125 N of which 1 A in 2 goes, 4 times 0.5 ms a second by half of the
+  // way.
+  Limits exact{.peak_force_N = 125.0f,
+               .motor_current_A = {2.0f, 1.0f, 1.0f},
+               .over_current_ratio = 1.0f,
+               .motor_continuous_A = {1.0f, 1.0f, 1.0f},
+               .winding_share = 0.5f,
+               .winding_s = 1.0f,
+               .heat_fold = 0.5f};
+  EXPECT_TRUE(folds_smoothly(exact));
+  exact.peak_force_N = std::nextafter(std::nextafter(125.0f, 200.0f), 200.0f);
+  EXPECT_FALSE(folds_smoothly(exact));
 }
 
 // Ticks until a board whose servo misses a deadline in each `period_ticks` switches off; most if it does not.

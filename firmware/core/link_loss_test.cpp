@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::uint32_t kSeed = 0x12345678u;
 constexpr std::uint32_t kValid_ticks = 200;
+constexpr std::uint32_t kGrowth_ticks = 97;
 // Rounding of the limited force: a few operations on numbers up to 10 N.
 constexpr float kForceRounding_N = 4e-6f;
 constexpr Vec3f kForce_N{0.0f, 0.0f, 4.0f};
@@ -26,6 +27,7 @@ class LinkLoss : public ::testing::Test {
     in_.force_N = kForce_N;
     in_.model_sequence = 1;
     in_.model_valid_ticks = kValid_ticks;
+    in_.model_growth_ticks = kGrowth_ticks;
     ticks(limits_.boot_ticks, true);
     const std::uint32_t token = command(Action::arm_request).outcome.token;
     command(Action::arm_confirm, token);
@@ -37,6 +39,7 @@ class LinkLoss : public ::testing::Test {
   Decision tick(bool heard) {
     in_.link_age_ticks = heard ? 0 : in_.link_age_ticks + in_.elapsed_ticks;
     in_.model_age_ticks = heard ? 30 : in_.model_age_ticks + in_.elapsed_ticks;
+    in_.model_use_ticks = heard ? 0 : in_.model_use_ticks + in_.elapsed_ticks;
     const Vec3f before_N = state_.force_N;
     decision_ = supervise(state_, in_, limits_, kSeed);
     state_ = decision_.state;
@@ -69,6 +72,15 @@ class LinkLoss : public ::testing::Test {
                   norm(kForce_N) * static_cast<float>(i) / static_cast<float>(limits_.soft_start_ticks),
                   kForceRounding_N);
     }
+  }
+  // From what a tick may bring at once on, or from the force until then; to kForce_N.
+  void expect_soft_start_from(float from_N) {
+    const float rise_N = norm(kForce_N) / static_cast<float>(limits_.soft_start_ticks);
+    EXPECT_NEAR(norm(tick(true).state.force_N), from_N, rise_N);
+    largest_step_N_ = 0.0f;
+    ticks(static_cast<std::uint32_t>((norm(kForce_N) - from_N) / rise_N) + 1, true);
+    EXPECT_EQ(state_.force_N, kForce_N);
+    EXPECT_NEAR(largest_step_N_, rise_N, kForceRounding_N);
   }
   Decision command(Action action, std::uint32_t token = 0) {
     in_.command = {action, token};
@@ -118,6 +130,48 @@ TEST_F(LinkLoss, ThirtyMillisecondsOfJitterChangeNothing) {
   }
 }
 
+// A model errs stiffer the longer it is used: its force ends to grow, and the next one takes it up from
+// there.
+TEST_F(LinkLoss, TheForceOfAModelInUseForTooLongDoesNotGrow) {
+  const Vec3f first_N = kForce_N * 0.5f;
+  in_.force_N = first_N;
+  ticks(20, true);
+  ticks(kGrowth_ticks, false);
+  EXPECT_EQ(state_.force_N, first_N);
+  in_.force_N = kForce_N;
+  ticks(kValid_ticks - 30 - kGrowth_ticks, false);
+  EXPECT_NEAR(norm(state_.force_N), norm(first_N), kForceRounding_N);
+  EXPECT_TRUE(decision_.force_limited);
+  // Less than then is as the model has it, and back to where it was.
+  in_.force_N = first_N * 0.25f;
+  in_.model_age_ticks = in_.model_use_ticks = kGrowth_ticks;
+  ticks(10, false);
+  EXPECT_EQ(state_.force_N, in_.force_N);
+  in_.force_N = kForce_N;
+  ticks(10, false);
+  EXPECT_NEAR(norm(state_.force_N), norm(first_N), kForceRounding_N);
+  expect_soft_start_from(norm(first_N));
+}
+
+TEST_F(LinkLoss, UntilThenItGrows) {
+  in_.force_N = kForce_N * 0.5f;
+  ticks(20, true);
+  ticks(kGrowth_ticks - 20, false);
+  in_.force_N = kForce_N;
+  ticks(20, false);
+  EXPECT_EQ(state_.force_N, kForce_N);
+}
+
+TEST_F(LinkLoss, WhatIsTouchedByAnOldModelAloneIsFeltALittle) {
+  in_.force_N = {};
+  ticks(20, true);
+  ticks(kGrowth_ticks, false);
+  in_.force_N = kForce_N;
+  ticks(30, false);
+  EXPECT_NEAR(norm(state_.force_N), limits_.force_step_N, kForceRounding_N);
+  expect_soft_start_from(limits_.force_step_N);
+}
+
 TEST_F(LinkLoss, AHostThatSaysThatNothingIsNearOwesNoModel) {
   // The tip is far from the surface: the host has nothing to send but signs of life.
   in_.tip_velocity_m_s = kVelocity_m_s;
@@ -140,16 +194,11 @@ TEST_F(LinkLoss, AHostThatSaysThatNothingIsNearOwesNoModel) {
 
 // A model that had to wait, for its basis or for the host, while the tip pressed on: nothing was felt until
 // then.
-TEST_F(LinkLoss, AContactThatNoModelKnewOfBeginsFromZero) {
+TEST_F(LinkLoss, AContactThatNoModelKnewOfComesBySoftStart) {
   say_nothing_is_near();
   ticks(700, true);
   near_again();
-  EXPECT_EQ(tick(true).state.force_N, Vec3f{});
-  largest_step_N_ = 0.0f;
-  expect_soft_start();
-  EXPECT_EQ(state_.force_N, kForce_N);
-  EXPECT_NEAR(largest_step_N_, norm(kForce_N) / static_cast<float>(limits_.soft_start_ticks),
-              kForceRounding_N);
+  expect_soft_start_from(limits_.force_step_N);
   // Once: what changes from then on does so as fast as ever.
   in_.force_N = {};
   tick(true);
@@ -234,15 +283,13 @@ TEST_F(LinkLoss, AStaleModelWithoutAForceIsDampedToo) {
   expect_soft_start();
 }
 
-TEST_F(LinkLoss, AForceThatHasBegunToFadeComesBackByItsStep) {
+TEST_F(LinkLoss, AForceThatHasBegunToFadeComesBackFromThere) {
   for (int i = 0; i < 3; ++i) {
     ticks(99, false);
     in_.link_age_ticks = 0;
   }
-  ASSERT_GT(norm(state_.force_N), 0.0f);  // nearly
-  tick(true);
-  ticks(static_cast<std::uint32_t>(kForce_N.z / limits_.force_step_N), true);
-  EXPECT_EQ(state_.force_N, kForce_N);
+  ASSERT_GT(norm(state_.force_N), limits_.force_step_N);
+  expect_soft_start_from(norm(state_.force_N));
 }
 
 TEST_F(LinkLoss, GoesOnBySoftStartWithinTenSeconds) {

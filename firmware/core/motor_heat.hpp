@@ -30,9 +30,11 @@ struct MotorHeat {
 // In float32 a housing with 900 s that is told of each tick would stand still within 2 % of its end.
 inline constexpr std::uint32_t kHousingPeriod_ticks = 64;
 
+// Of a board that does not know what was before. With 1 nothing hotter was left behind: what bearable
+// currents lead to is no hotter in sum, and a winding cools faster than its housing.
 [[nodiscard]] inline MotorHeat heat_at_start(const Limits& limits) {
-  const float housing = limits.heat_at_start;
-  return {.housing = {housing, housing, housing}};
+  const float heat = limits.heat_at_start;
+  return {.winding = {heat, heat, heat}, .housing = {heat, heat, heat}};
 }
 
 // How far a first-order lag goes within some ticks: all the way at most.

@@ -109,14 +109,38 @@ TEST(MotorHeat, FoldsOnlyTheMotorThatIsHot) {
   EXPECT_NEAR(largest_A[0], 0.5f * (7.0f + 1.24f), kRounding);  // heat 0.9, half way
   EXPECT_EQ(largest_A[1], 1.0f);                                // below the continuous one
   EXPECT_EQ(largest_A[2], 7.0f);
+  // Beyond 1 they are the continuous ones still, no less: these never lead there.
+  const MotorHeat beyond{.winding = {4.2f, 4.4f, 100.0f}};
+  EXPECT_FLOAT_EQ(bearable_currents_A(beyond, limits)[0], 1.24f);
+  EXPECT_FLOAT_EQ(bearable_currents_A(beyond, limits)[2], 1.24f);
 }
 
 TEST(MotorHeat, StartsWhereTheBoardSaysAndCools) {
   const Limits limits{.heat_at_start = 0.5f};
   MotorHeat heat = heat_at_start(limits);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_FLOAT_EQ(heat_of(heat, i, limits), 0.375f);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_FLOAT_EQ(heat_of(heat, i, limits), 0.5f);
   for (int i = 0; i < 450'000; ++i) warm(heat, kNone_A, kNone_A, 1, limits);
-  EXPECT_NEAR(hottest(heat, limits), 0.375f * std::exp(-0.5f), 2e-3f);
+  // Windings have cooled down to their housings, a seventy-fifth above them.
+  EXPECT_NEAR(hottest(heat, limits), 0.375f * std::exp(-0.5f), 5e-3f);
+}
+
+// With heat_at_start 1 a board whose power was lost at the worst moment takes no motor for cooler than it is.
+TEST(MotorHeat, AfterALossOfPowerNoMotorIsHotterThanItsAccount) {
+  const Limits limits{.heat_at_start = 1.0f};
+  // Folded currents lead 1 % beyond 1 (above).
+  constexpr float kBeyond = 0.01f;
+  Motors driven;  // from cold: hot windings in cold housings, later in warm ones
+  for (int second = 0; second < 120; ++second) {
+    for (int tick = 0; tick < 1000; ++tick) driven.tick({7.0f, second % 9 < 5 ? 7.0f : 0.0f, 2.0f});
+    MotorHeat is = driven.heat, account = heat_at_start(limits);
+    for (int tick = 0; tick < 100; ++tick) {
+      for (std::size_t i = 0; i < 3; ++i)
+        ASSERT_LE(heat_of(is, i, limits), heat_of(account, i, limits) + kBeyond) << second << ' ' << tick;
+      const std::array<float, 3> same_A{tick % 2 == 0 ? 7.0f : 0.0f, 0.0f, 1.0f};
+      warm(is, same_A, same_A, 50, limits);
+      warm(account, same_A, same_A, 50, limits);
+    }
+  }
 }
 
 TEST(MotorHeat, TheLargerOfWantedAndMeasuredCounts) {

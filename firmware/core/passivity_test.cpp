@@ -85,6 +85,19 @@ TEST(Passivity, DampingTakesTheExcessInATickOrWhatItMay) {
   EXPECT_EQ(norm(passivity_damping({.balance_J = 1.0f}, {1.0f, 0.0f, 0.0f}, kTick_s, kLimits)), 0.0f);
 }
 
+TEST(Passivity, WhoSetsNothingDampsNothing) {
+  const PassivityLimits none;
+  EXPECT_EQ(none.allowance_J, 0.0f);
+  EXPECT_EQ(none.most_J, 0.0f);
+  EXPECT_EQ(none.damping_N_s_m, 0.0f);
+  EXPECT_EQ(none.force_N, 0.0f);
+  EXPECT_EQ(
+      norm(passivity_damping({.balance_J = -1.0f}, {1.0f, 0.0f, 0.0f}, kTick_s, {.damping_N_s_m = 1.0f})),
+      0.0f);
+  // Without a word of it nothing is touched: no credit.
+  EXPECT_EQ(observe({.balance_J = 1.0f}, {}, kLimits).balance_J, 0.0f);
+}
+
 TEST(Passivity, WhatIsCreatedStaysAtTheAllowance) {
   // A spring that gives back half as much again, pressed and left by a hand that goes its way: 1 m/s, 5 mm.
   PassivityState state;

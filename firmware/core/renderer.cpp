@@ -67,6 +67,7 @@ ServoSample Renderer::isr_tick(std::uint32_t tick, const Vec3f& tip_m) {
     // From here on the slot that was active is the background's.
     active_.store(offer - 1, std::memory_order_relaxed);
     have_model_.store(true, std::memory_order_relaxed);
+    active_since_ = tick;
     shadow_tick_.store(0, std::memory_order_relaxed);
     Slot& taken = slots_[offer - 1];
     taken.surface.set_near_period(near_period_);
@@ -141,6 +142,7 @@ Status Renderer::load(Slot& slot) {
   slot.tick = slot.model_tick = m.tick;
   slot.sequence = m.sequence;
   slot.valid_ticks = m.valid_ticks;
+  slot.growth_ticks = m.growth_ticks;
   slot.force_change_N = {};
   slot.correction_energy_J = 0.0f;
   slot.view = {};
@@ -500,6 +502,16 @@ std::uint32_t Renderer::model_valid_ticks() const {
   return have_model_.load(std::memory_order_relaxed)
              ? slots_[active_.load(std::memory_order_relaxed)].valid_ticks
              : 0;
+}
+
+std::uint32_t Renderer::model_growth_ticks() const {
+  return have_model_.load(std::memory_order_relaxed)
+             ? slots_[active_.load(std::memory_order_relaxed)].growth_ticks
+             : 0;
+}
+
+std::uint32_t Renderer::model_use_ticks() const {
+  return last_tick_.load(std::memory_order_relaxed) - active_since_;
 }
 
 std::uint32_t Renderer::catch_up_ticks() const {

@@ -120,6 +120,10 @@ class Renderer {
   [[nodiscard]] bool estimates_tip() const;
   // The active model's horizon; 0: it has none, for it says that nothing is near, or there is no model.
   [[nodiscard]] std::uint32_t model_valid_ticks() const;
+  // The active model's: its force may grow for so many ticks after it was taken over.
+  [[nodiscard]] std::uint32_t model_growth_ticks() const;
+  // Since the active model was taken over.
+  [[nodiscard]] std::uint32_t model_use_ticks() const;
   // Interrupt context. Sum of the correction energies of all models that were taken over since the reset:
   // what the passivity controller takes back (firmware/core/passivity.hpp).
   [[nodiscard]] float correction_energy_J() const { return correction_energy_J_; }
@@ -151,6 +155,7 @@ class Renderer {
     std::uint32_t model_tick = 0;
     std::uint32_t sequence = 0;
     std::uint32_t valid_ticks = 0;
+    std::uint32_t growth_ticks = 0;
   };
   // Decoding, checking and replaying take a servo tick's background each: together they would not fit in one.
   enum class Shadow : std::uint8_t { empty, decoded, loaded, catching_up, offered };
@@ -187,6 +192,7 @@ class Renderer {
   // Interrupt's own.
   std::atomic<std::uint32_t> active_{0};
   std::atomic<bool> have_model_{false};
+  std::uint32_t active_since_ = 0;        // tick of its take-over
   std::atomic<std::uint32_t> resets_{0};  // isr_reset() so far
   float correction_energy_J_ = 0.0f;      // since the reset
   std::uint32_t near_period_ = kNearPeriod_steps;

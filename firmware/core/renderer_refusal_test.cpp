@@ -219,7 +219,7 @@ TEST(Renderer, AnArrayBeyondItsBoundIsTooLarge) {
   const auto message = square_model(5, 50, kCentre_m);
   std::vector<std::uint8_t> payload = HostPeer::payload(wire::pack(message).state);
   // The length of the array of displacements comes right after contact and steps.
-  constexpr std::size_t kDisplacementCount = 100;
+  constexpr std::size_t kDisplacementCount = 102;
   ASSERT_EQ(payload.size(), kDisplacementCount + 4);
   payload[kDisplacementCount] = 97;
   EXPECT_EQ(runner.accept(payload), Status::model_too_large);

@@ -160,6 +160,8 @@ SupervisorInputs Servo::gather(const ServoTiming& timing, const ServoSensors& se
   in.model_sequence = renderer_.model_sequence();
   in.model_age_ticks = renderer_.model_age_ticks();
   in.model_valid_ticks = renderer_.model_valid_ticks();
+  in.model_growth_ticks = renderer_.model_growth_ticks();
+  in.model_use_ticks = renderer_.model_use_ticks();
   // Only what may be damped asks for it, and what the force has created.
   const std::uint32_t horizon = std::min(in.model_valid_ticks, limits_.model_horizon_ticks);
   const bool is_taken_back = excess_J(state_.passivity, passivity_limits(limits_)) > 0.0f;

@@ -68,10 +68,14 @@ class Servo {
 
   // Before the first tick: what the board has kept.
   void begin(const Tuning& tuning) { use(tuning); }
+  void begin(const MotorHeat& heat) { heat_ = heat; }
 
   // Interrupt context, once per servo tick. Counts and currents as the board has them; set-points as the
   // amplifiers need them.
   ServoOutput isr_tick(const ServoTiming& timing, const ServoSensors& sensors);
+
+  // Interrupt context.
+  [[nodiscard]] const MotorHeat& heat() const { return heat_; }
 
   // Background context: the tick after the newest one whose sample is complete; 0: none yet.
   [[nodiscard]] std::uint32_t next_tick() const { return next_tick_.load(std::memory_order_acquire); }

@@ -40,6 +40,8 @@ void enter(SupervisorState& state, Mode mode) {
   state.token_is_direct = false;
   state.token_node = 0;
   state.force_was_lost = false;
+  state.growth_had_ended = false;
+  state.grown_N = 0.0f;
   state.soft_start_ticks = 0;
   state.damping_ticks = 0;
   state.energy_J = 0.0f;
@@ -130,12 +132,19 @@ bool says_nothing_is_near(const SupervisorInputs& in) {
   return in.model_sequence != 0 && in.model_valid_ticks == 0;
 }
 
+// The model in use is as new as the host means its models to be. What says that nothing is near has no force
+// to grow.
+bool may_grow(const SupervisorInputs& in) {
+  return in.model_sequence != 0 && in.model_valid_ticks != 0 && in.model_use_ticks <= in.model_growth_ticks;
+}
+
 // The force that the mode asks for, and its limits.
 struct Wanted {
   bool present;
   Vec3f force_N;
   float peak_N;
-  float step_N;  // per tick
+  float step_N;   // per tick
+  float grown_N;  // it may not grow beyond
   // Held so long, then faded to zero.
   std::uint32_t age_ticks;
   std::uint32_t hold_ticks;
@@ -148,6 +157,7 @@ Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, co
             .force_N = in.direct_force_N,
             .peak_N = limits.direct_force_N,
             .step_N = limits.direct_force_step_N,
+            .grown_N = limits.direct_force_N,
             .age_ticks = in.direct_age_ticks,
             .hold_ticks = limits.direct_hold_ticks,
             .fade_ticks = limits.direct_fade_ticks};
@@ -160,6 +170,7 @@ Wanted wanted_force(const SupervisorState& state, const SupervisorInputs& in, co
           .force_N = in.force_N,
           .peak_N = limits.peak_force_N,
           .step_N = limits.force_step_N,
+          .grown_N = may_grow(in) ? limits.peak_force_N : std::max(state.grown_N, limits.force_step_N),
           .age_ticks = in.model_age_ticks,
           .hold_ticks = nothing ? limits.link_silent_ticks : horizon,
           .fade_ticks = nothing ? 0 : limits.model_fade_ticks};
@@ -215,7 +226,7 @@ Vec3f asked_force(const SupervisorState& state, const SupervisorInputs& in, cons
   // Exactly the force that was asked for where nothing limits it, so that the record can tell by comparing.
   const Vec3f force_N = shortened(wanted.force_N, wanted.peak_N);
   const float scale = force_scale(state, wanted, limits);
-  return force_N * scale;
+  return shortened(force_N * scale, wanted.grown_N);
 }
 
 Vec3f towards(const Vec3f& asked_N, const SupervisorState& state, const SupervisorInputs& in,
@@ -293,6 +304,26 @@ bool is_lost(const SupervisorState& state, const SupervisorInputs& in, const Lim
   return in.link_age_ticks > limits.link_lost_ticks || state.mode_age_ticks > limits.link_lost_ticks;
 }
 
+// A model has come after one whose force was not to grow any more, or after none: what has grown meanwhile is
+// not met within a few ticks, but by the soft start, from the force of the last tick on.
+void start_from_last_force(SupervisorState& state, const SupervisorInputs& in, const Limits& limits) {
+  const float last_N = std::max(norm(state.force_N), limits.force_step_N);
+  const float asked_N = norm(in.force_N);
+  if (!(asked_N > last_N)) return;
+  const auto from_ticks =
+      static_cast<std::uint32_t>(static_cast<float>(limits.soft_start_ticks) * (last_N / asked_N));
+  state.soft_start_ticks = std::min(state.soft_start_ticks, from_ticks);
+}
+
+// How far the force may go once the model has been in use for too long: no farther than it went until then.
+// What begins to be touched afterwards is felt with up to what no fault is felt with more in one tick.
+void follow_growth(SupervisorState& state, const SupervisorInputs& in) {
+  if (state.mode != Mode::render) return;
+  const bool has_force = in.model_sequence != 0 && in.model_valid_ticks != 0;
+  state.growth_had_ended = !may_grow(in);
+  if (!state.growth_had_ended || !has_force) state.grown_N = norm(state.force_N - state.passivity.damping_N);
+}
+
 // What a stale model or a silent link does to rendering: damped, off, and on again when the host that armed
 // is heard and has sent a model. `rendering` as for arming: outputs do not come on while one of these lasts.
 // Only a fresh model ends the count of damping, or a host that is heard and owes none: signs of life alone do
@@ -301,9 +332,8 @@ void follow_models(SupervisorState& state, const SupervisorInputs& in, const Lim
                    FaultSet rendering) {
   const Wanted wanted = wanted_force(state, in, limits);
   const bool nothing_is_near = says_nothing_is_near(in);
-  const bool was_nothing_near = state.nothing_was_near;
-  state.nothing_was_near = nothing_is_near;
   if (state.mode == Mode::render) {
+    if (state.growth_had_ended && may_grow(in)) start_from_last_force(state, in, limits);
     if (is_cut_off(in, limits, wanted)) {
       state.force_was_lost = true;
       state.soft_start_ticks = 0;
@@ -312,11 +342,7 @@ void follow_models(SupervisorState& state, const SupervisorInputs& in, const Lim
       return;
     }
     if (is_fresh(wanted) || nothing_is_near) state.damping_ticks = 0;
-    if (is_fresh(wanted) && !nothing_is_near) {
-      // A contact that no model knew of has grown meanwhile: it is not met within a few ticks.
-      if (was_nothing_near && norm(wanted.force_N) > limits.force_step_N) state.soft_start_ticks = 0;
-      state.force_was_lost = false;
-    }
+    if (is_fresh(wanted) && !nothing_is_near) state.force_was_lost = false;
   } else if (state.mode == Mode::suspended && !is_silent(in, limits) && is_fresh(wanted) && rendering == 0 &&
              !is_lost(state, in, limits)) {
     enter(state, Mode::render);
@@ -381,6 +407,7 @@ Decision supervise(const SupervisorState& previous, const SupervisorInputs& in, 
   decision.outputs_on = outputs_on(state.mode);
   const Wanted wanted = wanted_force(state, in, limits);
   state.force_N = decision.outputs_on ? limited_force(state, in, limits, wanted) : Vec3f{};
+  follow_growth(state, in);
   decision.force_limited = decision.outputs_on && !(state.force_N == wanted.force_N);
   decision.outcome.token = state.token;
   return decision;

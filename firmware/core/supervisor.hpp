@@ -173,7 +173,8 @@ struct Limits {
   float heat_fold = 0.8f;
   // Folded currents never lead here: something else heats.
   float heat_fault = 1.1f;
-  // Of the housings, after a reset: 0 cold, 1 as warm as the continuous current makes them.
+  // Of windings and housings, where nothing is known of before: 0 cold, 1 as warm as the continuous current
+  // makes them.
   float heat_at_start = 0.0f;
 
   // A bucket that each missed deadline fills and each tick drains by one. It runs over at the sixth missed
@@ -201,7 +202,8 @@ struct SupervisorState {
   bool position_trusted = true;             // false after an encoder jump, until a calibration
   Vec3f force_N{};                          // as rendered in the last tick
   bool force_was_lost = false;              // no force before a fresh model, and that from zero
-  bool nothing_was_near = false;            // by the model in use
+  bool growth_had_ended = false;            // of the force of the model in use
+  float grown_N = 0.0f;                     // as far as that force may go
   std::uint32_t soft_start_ticks = 0;       // since the force began to rise
   std::uint32_t damping_ticks = 0;          // since the newest fresh model
   float energy_J = 0.0f;                    // the bucket
@@ -237,7 +239,10 @@ struct SupervisorInputs {
   std::uint32_t model_sequence = 0;  // 0: no model
   std::uint32_t model_age_ticks = 0;
   std::uint32_t model_valid_ticks = 0;  // its own horizon; 0: it says that nothing is near the tip
-  float correction_J = 0.0f;            // given too much by what was rendered before it was taken over
+  // Its force may grow for so many ticks after it was taken over.
+  std::uint32_t model_growth_ticks = 0;
+  std::uint32_t model_use_ticks = 0;  // since it was taken over
+  float correction_J = 0.0f;          // given too much by what was rendered before it was taken over
   // palpate.DirectForce, as a force of the tip on the body: the hand feels the opposite.
   Vec3f direct_force_N{};
   std::uint32_t direct_age_ticks = UINT32_MAX;  // of the newest; UINT32_MAX: none has come

@@ -1,5 +1,5 @@
 // Every limit of the supervisor exactly at its end, and what a state must have forgotten: what a wrong
-// comparison or a missing statement would change by a single tick or bit (host/bench/supervisor_mutants.py).
+// comparison or a missing statement would change by a single tick or bit (`palpate bench mutants`).
 #include <gtest/gtest.h>
 
 #include <array>
@@ -238,6 +238,8 @@ TEST(SupervisorEdges, AModeRemembersNothingOfTheOneBefore) {
                              .token_node = 7,
                              .force_N = {1.0f, 0.0f, 0.0f},
                              .force_was_lost = true,
+                             .growth_had_ended = true,
+                             .grown_N = 1.0f,
                              .soft_start_ticks = 50,
                              .damping_ticks = 60,
                              .energy_J = 0.1f,
@@ -471,6 +473,51 @@ TEST(SupervisorEdges, AProgramThatIsGoneEndsModeDirectToTheTick) {
   EXPECT_EQ(mode_after(lost - 1, lost + 1), Mode::direct);
   EXPECT_EQ(mode_after(lost, lost), Mode::direct);
   EXPECT_EQ(mode_after(lost, lost + 1), Mode::idle);
+}
+
+// Of a model that has been in use for too long the force goes no farther than before; how far that is, is
+// known of the model's own force alone, and anew when nothing is near.
+TEST(SupervisorEdges, HowFarAForceMayGoIsThatOfTheModelsOwn) {
+  Board board;
+  board.press({0.0f, 0.0f, 2.0f});
+  EXPECT_EQ(board.state.grown_N, 2.0f);
+  // Damped, by what the passivity controller takes back: that is not the model's.
+  board.state.passivity.debt_J = 5e-3f;
+  board.in.tip_velocity_m_s = {0.0f, 0.0f, 0.2f};
+  board.step();
+  EXPECT_GT(norm(board.state.passivity.damping_N), 0.3f);
+  EXPECT_NEAR(board.state.grown_N, 2.0f, 1e-6f);
+  board.state.passivity = {};
+  board.in.tip_velocity_m_s = {};
+  // Too long in use, of a horizon of a single tick, too: the force goes, the bound stays.
+  board.in.model_use_ticks = board.in.model_growth_ticks + 1;
+  board.in.model_valid_ticks = 1;
+  board.in.force_N = {0.0f, 0.0f, 1.0f};
+  board.steps(5);
+  EXPECT_EQ(board.state.force_N.z, 1.0f);
+  EXPECT_NEAR(board.state.grown_N, 2.0f, 1e-6f);
+  // Nothing is near: there is no force that could go on.
+  board.in.model_valid_ticks = 0;
+  board.in.force_N = {};
+  board.steps(5);
+  EXPECT_EQ(board.state.grown_N, 0.0f);
+}
+
+// The model that comes next asks for no more than is rendered: nothing begins anew.
+TEST(SupervisorEdges, AModelThatAsksForLessNeedsNoSoftStart) {
+  for (const float asked_N : {0.0f, 1.0f, 2.0f}) {
+    Board board;
+    board.press({0.0f, 0.0f, 2.0f});
+    board.in.model_use_ticks = board.in.model_growth_ticks + 1;
+    board.step();
+    ASSERT_TRUE(board.state.growth_had_ended);
+    board.in.model_use_ticks = 0;
+    board.in.force_N = {0.0f, 0.0f, asked_N};
+    const std::uint32_t before = board.state.soft_start_ticks;
+    board.step();
+    EXPECT_FALSE(board.state.growth_had_ended);
+    EXPECT_EQ(board.state.soft_start_ticks, before + 1) << asked_N;
+  }
 }
 
 }  // namespace

@@ -73,6 +73,7 @@ class AllStates : public ::testing::Test {
     add([](auto& in) { in.force_N = {}, in.model_valid_ticks = 0, in.model_age_ticks = 20; });
     add([](auto& in) { in.model_valid_ticks = 0, in.model_age_ticks = 20, in.link_age_ticks = 3; });
     add([](auto& in) { in.model_age_ticks = 20, in.tip_velocity_m_s.x = 0.3f; });
+    add([](auto& in) { in.model_use_ticks = 1; });  // no growth any more
     add([](auto& in) { in.tip_step_m.z = -1.0f; });
     add([](auto& in) { in.direct_age_ticks = 0, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
     add([](auto& in) { in.direct_age_ticks = 9, in.direct_force_N = {0.0f, 20.0f, 0.0f}; });
@@ -104,7 +105,7 @@ class AllStates : public ::testing::Test {
       return std::make_tuple(s.mode, s.faults, s.mode_age_ticks, s.token, s.token_age_ticks,
                              s.token_is_direct, s.token_node, s.over_current_ticks, s.missed_deadline_level,
                              s.position_trusted, s.force_N.x, s.force_N.y, s.force_N.z, s.force_was_lost,
-                             s.nothing_was_near, s.soft_start_ticks, s.damping_ticks, s.energy_J);
+                             s.growth_had_ended, s.grown_N, s.soft_start_ticks, s.damping_ticks, s.energy_J);
     }
     bool operator()(const SupervisorState& a, const SupervisorState& b) const { return key(a) < key(b); }
   };
@@ -165,6 +166,12 @@ TEST_F(AllStates, KeepTheRules) {
                       kForceRounding_N);
           ASSERT_GT(next.damping_ticks, state.damping_ticks);
           ASSERT_LE(next.damping_ticks, limits.damping_ticks);
+        }
+        // Nor does the force of one that has been in use for too long grow.
+        const bool grows = in.model_sequence == 0 || in.model_use_ticks <= in.model_growth_ticks;
+        if (next.mode == Mode::render && state.mode == Mode::render && next.damping_ticks == 0 && !grows) {
+          ASSERT_LE(norm(next.force_N - next.passivity.damping_N),
+                    std::max(norm(state.force_N), limits.force_step_N) + kForceRounding_N);
         }
         if (next.mode == Mode::suspended) {
           ASSERT_TRUE(state.mode == Mode::suspended || state.mode == Mode::render);

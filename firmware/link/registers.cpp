@@ -15,9 +15,10 @@ using wire::RegisterValue;
 constexpr std::string_view kSuffixes[] = {"", "<", ">", "="};
 constexpr std::size_t kKinds = 4;
 constexpr std::size_t kFieldRegisters = kTuningFields.size() * kKinds;
-constexpr std::string_view kReadOnly[] = {"encoder.count", "arm.sample"};
+constexpr std::array<std::string_view, 3> kReadOnly{"encoder.count", "arm.sample", "reset.record"};
 constexpr std::uint8_t kEncoderCount = kFieldRegisters, kArmSample = kFieldRegisters + 1;
-constexpr std::uint8_t kRegisters = kFieldRegisters + 2;
+constexpr std::uint8_t kResetRecord = kFieldRegisters + 2;  // the last: not every board has it
+constexpr std::uint8_t kRegisters = kFieldRegisters + kReadOnly.size();
 constexpr Tuning kDefaults{};
 
 static_assert(is_allowed(kDefaults));
@@ -31,8 +32,8 @@ std::uint8_t index_of(std::string_view name) {
     if (name.starts_with(stem) && name.substr(stem.size()) == kSuffixes[i % kKinds])
       return static_cast<std::uint8_t>(i);
   }
-  if (name == kReadOnly[0]) return kEncoderCount;
-  return name == kReadOnly[1] ? kArmSample : kRegisters;
+  const auto* const found = std::find(kReadOnly.begin(), kReadOnly.end(), name);
+  return static_cast<std::uint8_t>(kFieldRegisters + static_cast<std::size_t>(found - kReadOnly.begin()));
 }
 
 bool is_writable(std::uint8_t index) {
@@ -45,6 +46,15 @@ void append(RegisterValue& value, const JointValues& values) {
 }
 
 }  // namespace
+
+void Registers::begin(const Tuning& tuning, bool persistent, const ResetReport& reset,
+                      const KeptTick& before) {
+  tuning_ = tuning;
+  persistent_ = persistent;
+  knows_reset_ = reset.is_known;
+  reset_record_ = {reset.causes, reset.reason, reset.detail,        reset.program_counter, reset.cfsr,
+                   reset.hfsr,   reset.bfar,   reset.failed_starts, before.tick,           before.faults};
+}
 
 bool Registers::take(const wire::RegisterAccessRequest& request, const Requester& requester) {
   if (access_count_ == accesses_.size()) return false;
@@ -71,6 +81,10 @@ bool Registers::next(Answer& answer, std::uint32_t tick) {
     // Limits and defaults are the firmware's own.
     answer.response.is_persistent = persistent_ || !is_writable(access.index);
     answer.response.value = value_of(access.index);
+  } else if (access.index == kResetRecord && knows_reset_) {
+    RegisterValue& value = answer.response.value;
+    value.type = RegisterType::integer32;
+    for (const std::uint32_t word : reset_record_) value.bits[value.count++] = word;
   }
   std::copy(accesses_.begin() + 1, accesses_.end(), accesses_.begin());
   --access_count_;
@@ -155,7 +169,7 @@ RegisterValue Registers::value_of(std::uint8_t index) const {
 }
 
 std::string_view Registers::name(std::uint16_t index) {
-  if (index >= kRegisters) return {};
+  if (index >= kRegisters || (index == kResetRecord && !knows_reset_)) return {};
   if (index >= kFieldRegisters) return kReadOnly[index - kFieldRegisters];
   const std::string_view stem = kTuningFields[index / kKinds].name;
   const std::string_view suffix = kSuffixes[index % kKinds];

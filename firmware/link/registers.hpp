@@ -3,7 +3,8 @@
 // Each field of Tuning is a register of three float32, by joint, with its smallest, largest and default value
 // beside it as the standard names them ("encoder.sign>", "<", "="). A write is checked, and refused while the
 // board is armed; then it is stored, and used from the next tick on. A refused write leaves what was there,
-// which the response says. Two registers are read only: the encoders' counts, and arm.sample.
+// which the response says. Others are read only: the encoders' counts, arm.sample and, on a board that knows
+// it, reset.record: what was before the last reset.
 #pragma once
 
 #include <array>
@@ -11,8 +12,10 @@
 #include <cstdint>
 #include <string_view>
 
+#include "firmware/core/kept_tick.hpp"
 #include "firmware/core/mailbox.hpp"
 #include "firmware/core/tuning.hpp"
+#include "firmware/ports/ports.hpp"
 #include "shared/wire/registers.hpp"
 
 namespace palpate::firmware {
@@ -25,11 +28,9 @@ class Registers {
  public:
   explicit Registers(Mailbox& mailbox) : mailbox_(mailbox) {}
 
-  // Before the first tick: what the board has kept, and whether it keeps what is written.
-  void begin(const Tuning& tuning, bool persistent) {
-    tuning_ = tuning;
-    persistent_ = persistent;
-  }
+  // Before the first tick: what the board has kept, and whether it keeps what is written; why it has started,
+  // and the last tick before that, zeros where nobody knows.
+  void begin(const Tuning& tuning, bool persistent, const ResetReport& reset, const KeptTick& before);
 
   // Its answer comes from next(). False: too many wait.
   bool take(const wire::RegisterAccessRequest& request, const Requester& requester);
@@ -64,6 +65,9 @@ class Registers {
   Mailbox& mailbox_;
   Tuning tuning_{};  // in use
   bool persistent_ = false;
+  bool knows_reset_ = false;
+  // Of reset.record, in its order (docs/protocol.md).
+  std::array<std::uint32_t, 10> reset_record_{};
   std::array<Access, kPendingAccesses> accesses_{};
   std::size_t access_count_ = 0;
   std::array<char, wire::kMaxRegisterName> name_{};

@@ -62,6 +62,27 @@ class RegistersTest : public ::testing::Test {
     command(palpate_Command_Request_1_0_ARM_CONFIRM, token);
     ASSERT_TRUE(board_->enabled);
   }
+  // Each is there when it is asked for.
+  std::set<std::string> listed() {
+    std::set<std::string> names;
+    for (std::uint16_t index = 0; index < 100; ++index) {
+      host_.send(wire::RegisterListRequest{index});
+      ticks(2);
+      std::string name;
+      for (const auto& one : host_.received) {
+        wire::RegisterListResponse response;
+        if (one.header.specifier != wire::MessageTraits<wire::RegisterListResponse>::kSpecifier) continue;
+        EXPECT_EQ(wire::deserialize(one.payload, response), Status::ok);
+        name = response.name;
+      }
+      host_.received.clear();
+      if (name.empty()) return names;
+      EXPECT_TRUE(names.insert(name).second) << name;
+      EXPECT_NE(access(name).value.type, RegisterType::empty) << name;
+    }
+    ADD_FAILURE() << "the list does not end";
+    return names;
+  }
   void start_again() {
     app_ = std::make_unique<App<MemoryBoard>>(*board_, kIdentity, kCatchUpCortexM4);
     ticks(30);
@@ -75,26 +96,13 @@ class RegistersTest : public ::testing::Test {
 };
 
 TEST_F(RegistersTest, TheListNamesEachOnceAndEnds) {
-  std::set<std::string> names;
-  for (std::uint16_t index = 0;; ++index) {
-    host_.send(wire::RegisterListRequest{index});
-    ticks(2);
-    ASSERT_FALSE(host_.received.empty());
-    std::string name;
-    for (const auto& one : host_.received) {
-      wire::RegisterListResponse response;
-      if (one.header.specifier != wire::MessageTraits<wire::RegisterListResponse>::kSpecifier) continue;
-      ASSERT_EQ(wire::deserialize(one.payload, response), Status::ok);
-      name = response.name;
-    }
-    host_.received.clear();
-    if (name.empty()) break;
-    EXPECT_TRUE(names.insert(name).second) << name;
-    EXPECT_NE(access(name).value.type, RegisterType::empty) << name;
-    ASSERT_LT(index, 100);
-  }
+  const std::set<std::string> names = listed();
   EXPECT_EQ(names.size(), 4 * kTuningFields.size() + 2);
   EXPECT_TRUE(names.contains("friction.coulomb_n_m<"));
+  board_->reset.is_known = true;
+  start_again();
+  EXPECT_EQ(listed().size(), names.size() + 1);
+  EXPECT_TRUE(listed().contains("reset.record"));
 }
 
 TEST_F(RegistersTest, WhatIsWrittenIsUsedKeptAndRead) {
@@ -217,6 +225,36 @@ TEST_F(RegistersTest, SamplesAreOfTheTickThatTheyName) {
   EXPECT_EQ(value(3), 0.0f);  // at rest
   EXPECT_EQ(value(7), 0.0f);  // outputs are off
   EXPECT_EQ(value(11), -0.5f);
+}
+
+// Of a board that knows: causes, fault record, and the last tick of before with what was latched.
+TEST_F(RegistersTest, TheRecordOfAResetIsRead) {
+  EXPECT_EQ(access("reset.record").value.type, RegisterType::empty);
+  board_->reset = {.is_known = true,
+                   .causes = 0x14000000,
+                   .reason = 1,
+                   .detail = 3,
+                   .program_counter = 0x08001234,
+                   .cfsr = 5,
+                   .hfsr = 6,
+                   .bfar = 7,
+                   .failed_starts = 8};
+  board_->over_reset.assign(kKeptWords, 0);  // as power leaves it
+  start_again();
+  const std::uint32_t causes = 0x14000000u, counter = 0x08001234u;
+  EXPECT_EQ(access("reset.record").value,
+            (RegisterValue{RegisterType::integer32, 10, {causes, 1, 3, counter, 5, 6, 7, 8, 0, 0}}));
+  board_->emergency_stop_open = true;
+  ticks(1);
+  const std::uint32_t last_tick = board_->report.tick;
+  board_->emergency_stop_open = false;
+  start_again();
+  const RegisterAccessResponse answer = access("reset.record", reals({1.0f, 1.0f, 1.0f}));
+  EXPECT_EQ(answer.value,
+            (RegisterValue{RegisterType::integer32,
+                           10,
+                           {causes, 1, 3, counter, 5, 6, 7, 8, last_tick, bit(Fault::emergency_stop)}}));
+  EXPECT_FALSE(answer.is_mutable);
 }
 
 // More at once than may wait: those beyond are refused and counted, the others answered in order.

@@ -116,11 +116,35 @@ concept ParameterPort = requires(B& board, std::span<std::uint8_t> out, std::spa
   { board.write_parameters(in) } -> std::same_as<bool>;
 };
 
-// Of a board that keeps nothing: what is written holds until the firmware ends.
-struct VolatileParameters {
+// Why the firmware runs again, by the board: causes of the last reset as the part says them, and the record
+// of the fault before it (on a Cortex-M boards/cortex_m/fault_record.hpp), zeros where there was none.
+// Register reset.record.
+struct ResetReport {
+  bool is_known = false;  // false: the board cannot tell, and has no such register
+  std::uint32_t causes = 0;
+  std::uint32_t reason = 0, detail = 0;
+  std::uint32_t program_counter = 0, cfsr = 0, hfsr = 0, bfar = 0;
+  std::uint32_t failed_starts = 0;
+};
+
+// What survives a reset.
+template <class B>
+concept ResetPort = requires(B& board) {
+  // Background, before the first tick.
+  { board.reset_report() } -> std::same_as<ResetReport>;
+  // Words that no reset changes but one by loss of power (core/kept_tick.hpp): as many as that asks for, or
+  // none. Before the first tick, then interrupt context.
+  { board.kept_words() } -> std::same_as<std::span<std::uint32_t>>;
+};
+
+// Of a board that keeps nothing: what is written holds until the firmware ends, and nobody knows what was
+// before.
+struct KeepsNothing {
   [[nodiscard]] static constexpr bool keeps_parameters() { return false; }
   [[nodiscard]] static constexpr bool read_parameters(std::span<std::uint8_t>) { return false; }
   [[nodiscard]] static constexpr bool write_parameters(std::span<const std::uint8_t>) { return true; }
+  [[nodiscard]] static constexpr ResetReport reset_report() { return {}; }
+  [[nodiscard]] static constexpr std::span<std::uint32_t> kept_words() { return {}; }
 };
 
 // What the firmware did in a tick, for boards that record it (the emulated ones). It is never fed back.
@@ -156,7 +180,7 @@ concept TickPort = requires(B& board, const TickReport& report, std::uint32_t ti
 
 template <class B>
 concept BoardPort = EncoderPort<B> && AmplifierPort<B> && EmergencyStopPort<B> && SupplyPort<B> &&
-    ClockPort<B> && LinkPort<B> && TickPort<B> && ParameterPort<B>;
+    ClockPort<B> && LinkPort<B> && TickPort<B> && ParameterPort<B> && ResetPort<B>;
 
 // What the board calls itself: texts of at most 32 bytes (palpate.GetInfo), the first fit for a node's name.
 struct BoardIdentity {

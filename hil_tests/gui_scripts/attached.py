@@ -13,8 +13,10 @@ def stages(app):
     live = app.live
     assert live.is_attached
     # What its calibration is, read before the loop took the link.
-    registers = {register.name: register.values for register in app.board_registers.registers}
-    assert app.board_registers.trouble == "" and registers["encoder.sign"] == (1.0, 1.0, 1.0), app.board_registers
+    registers = {register.name: register.values for register in app.attached.registers}
+    assert app.attached.trouble == "" and registers["encoder.sign"] == (1.0, 1.0, 1.0), app.attached
+    # A Linux process has neither a memory of its last end nor an image with budgets.
+    assert app.attached.name == "native" and app.attached.reset is None and app.budgets == []
     while live.status["board_mode"] != IDLE:
         yield
     live.arm()

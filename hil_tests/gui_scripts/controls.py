@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from stages import run  # noqa: E402
 
 from palpate import record  # noqa: E402
+from palpate.gui.board_lines import tick_lines  # noqa: E402
 from palpate.gui.body_view import COLOURINGS  # noqa: E402
 from palpate.paths import SCENES  # noqa: E402
 
@@ -157,9 +158,15 @@ def stages(app):
     # Another scene, and the board in QEMU.
     app.open(SCENES / "press.toml")
     assert app.settings.file.stem == "press" and app.shown["builder"] == "patch"
+    assert app.budgets == []  # of a Linux process
     app.choose_board("mps2_an386")
     assert app.live.board_name == "mps2_an386", app.message
     yield from wait_for_mode(app, IDLE)
+    # The image's budgets, and the longest tick as the board says it.
+    assert [row.what for row in app.budgets[0].rows] == ["flash", "RAM, stack included", "deepest stack"], app.budgets
+    while app.live.status["board_worst_tick_count"] == 0:
+        yield
+    assert "of 125,000 instructions" in tick_lines("mps2_an386", app.live.status)[0][0]
 
 
 step = run(stages, 200.0)

@@ -1,4 +1,4 @@
-"""Measures what docs/numbers.md shows: every example scene with three builders, the firmware in QEMU.
+"""Measures what docs/numbers.md shows: every example scene with three builders, those of meshes with two, the firmware in QEMU.
 
 `python host/bench/scene_numbers.py` (some minutes) writes docs/numbers/scenes.json; `python -m palpate.docs` then renews the page.
 All numbers are of virtual time or counts: a second run gives the same, on any machine.
@@ -14,8 +14,12 @@ sys.path.insert(0, str(ROOT / "host/python"))
 
 import palpate  # noqa: E402
 
-SCENES = ("demo", "frictionless", "press", "stick")
 BUILDERS = ("patch", "krylov", "hybrid")
+# hybrid is for lattices (palpate.scene_checks).
+SCENES = {
+    **dict.fromkeys(("demo", "frictionless", "press", "stick"), BUILDERS),
+    **dict.fromkeys(("sphere", "liver", "skin"), BUILDERS[:2]),
+}
 BOARD = "mps2_an386"
 KEPT = (
     "record_hash", "ticks", "missed_deadlines", "background_overruns", "worst_tick_instructions", "model_updates",
@@ -32,8 +36,8 @@ def measure(scene: str, builder: str, board: str = BOARD) -> dict[str, Any]:
 
 if __name__ == "__main__":
     runs = []
-    for scene in SCENES:
-        for builder in BUILDERS:
+    for scene, builders in SCENES.items():
+        for builder in builders:
             runs.append(measure(scene, builder))
             print(json.dumps(runs[-1]), file=sys.stderr, flush=True)
     measured = {"board": BOARD, "version": palpate.__version__, "runs": runs}

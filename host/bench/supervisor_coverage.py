@@ -15,19 +15,21 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "host/python"))
 
-from firmware_build import ROOT, FirmwareTest, NoBuild
+from palpate.mutants.firmware_build import FirmwareTest, NoBuild  # noqa: E402
 
 CORE = ROOT / "firmware/core"
-GUARDED = ("supervisor.cpp", "supervisor.hpp", "passivity.hpp", "motor_heat.hpp", "outputs.hpp", "deadline_monitor.hpp", "limit_ranges.hpp")
+GUARDED = ("supervisor.cpp", "supervisor.hpp", "passivity.hpp", "motor_heat.hpp", "kept_tick.hpp", "outputs.hpp", "deadline_monitor.hpp", "limit_ranges.hpp")
 # Headers are counted in the tests that call them; those of the supervisor itself need only be linked.
-COMPILED = ("supervisor.cpp", "passivity_test.cpp", "motor_heat_test.cpp", "outputs_test.cpp", "deadline_monitor_test.cpp", "limit_ranges_test.cpp")
+COMPILED = ("supervisor.cpp", "passivity_test.cpp", "motor_heat_test.cpp", "kept_tick_test.cpp", "outputs_test.cpp", "deadline_monitor_test.cpp", "limit_ranges_test.cpp")
 # As the firmware is: calls have no second way out.
 FLAGS = ("-O0", "-g0", "--coverage", "-fno-exceptions", "-DGTEST_HAS_EXCEPTIONS=0")
 # Its own tests: those of other parts would reach it through the servo.
 SUITES = ":".join(f"{name}.*" for name in (
-    "AllStates", "Arming", "Calibration", "Currents", "Damping", "DeadlineMonitor", "DirectForce", "Faults", "Force", "LimitRanges", "LinkLoss",
+    "AllStates", "Arming", "Calibration", "Currents", "Damping", "DeadlineMonitor", "DirectForce", "Faults", "Force", "KeptTick",
+    "LimitRanges", "LinkLoss",
     "MotorHeat", "Outputs", "Passivity", "PassivityControl", "Supervisor", "SupervisorEdges",
 ))  # fmt: skip
 

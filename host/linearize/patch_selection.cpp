@@ -9,6 +9,8 @@
 #include <string>
 #include <utility>
 
+#include "host/linearize/node_ball.hpp"
+
 namespace palpate::host {
 namespace {
 
@@ -24,8 +26,22 @@ const Triangle& triangle_of(const Body& body, int triangle) {
 }
 
 const LatticeShape& lattice_of(const Body& body) {
-  if (!body.lattice()) throw std::invalid_argument("a patch needs a lattice; this body is none");
+  if (!body.lattice()) throw std::invalid_argument("faces are those of a lattice; this body is none");
   return *body.lattice();
+}
+
+// Of these triangles those that hang together with `first` over edges; ascending as they are.
+std::vector<int> connected(const Body& body, const std::vector<int>& triangles, int first) {
+  std::set<int> reached{first};
+  std::vector<int> open{first};
+  while (!open.empty()) {
+    const int triangle = open.back();
+    open.pop_back();
+    for (const int next : body.triangle_neighbours()[at(triangle)])
+      if (std::binary_search(triangles.begin(), triangles.end(), next) && reached.insert(next).second)
+        open.push_back(next);
+  }
+  return {reached.begin(), reached.end()};
 }
 
 }  // namespace
@@ -44,6 +60,8 @@ Face face_of_triangle(const Body& body, int triangle) {
 }
 
 std::vector<int> cell_face(const Body& body, int triangle) {
+  (void)triangle_of(body, triangle);
+  if (!body.lattice()) return triangle_with_neighbour(body, triangle);
   (void)face_of_triangle(body, triangle);
   const LatticeShape& lattice = lattice_of(body);
   std::array<int, 3> low = lattice.coordinates(triangle_of(body, triangle)[0]), high = low;
@@ -62,6 +80,8 @@ std::vector<int> cell_face(const Body& body, int triangle) {
 }
 
 std::vector<int> neighbour_cells(const Body& body, int triangle) {
+  (void)triangle_of(body, triangle);
+  if (!body.lattice()) return triangles_around(body, triangle);
   const std::vector<int> own = cell_face(body, triangle);
   std::set<std::vector<int>> seen{own};
   std::vector<int> neighbours;
@@ -76,8 +96,9 @@ std::vector<int> neighbour_cells(const Body& body, int triangle) {
 }
 
 std::vector<int> select_patch(const Body& body, const SurfacePoint& contact, const PatchSize& size) {
-  const LatticeShape& lattice = lattice_of(body);
   const Triangle& corners = triangle_of(body, contact.triangle);
+  if (!body.lattice()) return node_ball(body, contact, size.along_first * size.along_second * size.depth);
+  const LatticeShape& lattice = *body.lattice();
   const Face face = face_of_triangle(body, contact.triangle);
   const std::size_t normal = at(static_cast<int>(face) / 2);
   const bool plus = static_cast<int>(face) % 2 == 1;
@@ -126,15 +147,17 @@ SubsetSurface subset_surface(const Body& body, const std::vector<int>& nodes, co
                                 " of the contact lies outside the patch");
 
   const Eigen::Vector3d contact_m = surface_position_m(body, body.rest_position_m(), contact);
+  std::vector<int> candidates;
+  for (int t = 0; t < std::ssize(body.triangles()); ++t)
+    if (lies_inside(body.triangles()[at(t)])) candidates.push_back(t);
+  if (!body.lattice()) candidates = connected(body, candidates, contact.triangle);
   std::vector<std::pair<double, int>> by_distance;  // squared distance of the centroid, triangle
-  for (std::size_t t = 0; t < body.triangles().size(); ++t) {
-    const Triangle& triangle = body.triangles()[t];
-    if (!lies_inside(triangle)) continue;
-    const SurfacePoint centroid{static_cast<int>(t), Eigen::Vector3d::Constant(1.0 / 3.0)};
-    const bool own = static_cast<int>(t) == contact.triangle;
+  for (const int t : candidates) {
+    const SurfacePoint centroid{t, Eigen::Vector3d::Constant(1.0 / 3.0)};
+    const bool own = t == contact.triangle;
     const double squared =
         (surface_position_m(body, body.rest_position_m(), centroid) - contact_m).squaredNorm();
-    by_distance.emplace_back(own ? -1.0 : squared, static_cast<int>(t));
+    by_distance.emplace_back(own ? -1.0 : squared, t);
   }
   std::sort(by_distance.begin(), by_distance.end());
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <random>
+#include <utility>
 
 #include "host/msd/body.hpp"
 #include "host/msd/lattice.hpp"
@@ -60,6 +61,21 @@ inline Body irregular_body() {
   body.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
   body.gravity_m_s2 = {0.0, 0.0, -9.81};
   return Body(std::move(body));
+}
+
+// The same body as one that nobody knows to be a lattice.
+inline Body without_lattice(const Body& body) {
+  BodyDescription plain;
+  plain.planar = body.planar();
+  for (int node = 0; node < body.node_count(); ++node) {
+    plain.mass_kg.push_back(body.mass_kg(node));
+    plain.fixed.push_back(body.fixed(node));
+  }
+  plain.rest_position_m = body.rest_position_m();
+  plain.springs = body.springs();
+  plain.triangles = body.triangles();
+  plain.gravity_m_s2 = body.gravity_m_s2();
+  return Body(std::move(plain));
 }
 
 // Displaces and moves every free node at random along its movable axes, uniformly within the given

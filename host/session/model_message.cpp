@@ -54,6 +54,7 @@ void pack_stamp(const ModelStamp& stamp, ModelKind kind, const ContactLaw<double
   message.schema_hash = wire::kSchemaHash;
   message.tick = stamp.tick;
   message.valid_ticks = stamp.valid_ticks;
+  message.growth_ticks = stamp.growth_ticks;
   message.tip_radius_m = narrow(law.tip_radius_m);
   message.coupling_stiffness_N_m = narrow(law.coupling.stiffness_N_m);
   message.coupling_damping_N_s_m = narrow(law.coupling.damping_N_s_m);
@@ -98,7 +99,7 @@ void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
 
 void pack_nothing(const ModelStamp& stamp, const ContactLaw<double>& law, wire::ModelContents& message) {
   pack_held_force(stamp, law, {}, message);
-  message.valid_ticks = 0;
+  message.valid_ticks = message.growth_ticks = 0;
 }
 
 void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactLaw<double>& law,

@@ -19,6 +19,7 @@ struct ModelStamp {
   std::uint16_t valid_ticks = 0;
   TipSource tip = TipSource::counts;
   ModelKind kind = ModelKind::modes;
+  std::uint16_t growth_ticks = 0xffff;  // as long as it is rendered
 };
 
 // Fills `message`. `friction` and `contact` are those of the full body, `contact` at stamp.tick, its triangle
@@ -35,7 +36,8 @@ void pack_model(const LocalModel& model, const ModelStamp& stamp, const ContactL
 void pack_held_force(const ModelStamp& stamp, const ContactLaw<double>& law,
                      const ContactState<double>& contact, wire::ModelContents& message);
 
-// The same for a tip that nothing is near: no force, and no horizon, whatever the stamp says.
+// The same for a tip that nothing is near: no force, no horizon and no
+// growth, whatever the stamp says.
 void pack_nothing(const ModelStamp& stamp, const ContactLaw<double>& law, wire::ModelContents& message);
 
 }  // namespace palpate::host

@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <tuple>
 #include <utility>
 
 #include "firmware/core/supervisor.hpp"
 #include "host/linearize/growth_limit.hpp"
 #include "host/msd/vectors.hpp"
-#include "host/session/model_message.hpp"
 #include "shared/servo_tick.hpp"
 #include "shared/wire/tip_trace.hpp"
 
@@ -38,6 +38,12 @@ double period_ticks(const SessionConfig& config) {
 
 }  // namespace
 
+std::uint16_t default_growth_ticks(double update_Hz) {
+  constexpr double kJitter_ticks = 30.0;
+  const double ticks = std::ceil(2.0 / (update_Hz * kTick_s)) + kJitter_ticks;
+  return static_cast<std::uint16_t>(std::min<double>(ticks, std::numeric_limits<std::uint16_t>::max()));
+}
+
 Session::Session(const Body& body, BodyState start, const SessionConfig& config)
     : body_(body),
       config_(config),
@@ -47,6 +53,7 @@ Session::Session(const Body& body, BodyState start, const SessionConfig& config)
       forecast_(body),
       late_ticks_(period_ticks(config)) {
   (void)steps_per_tick(config.step_s);
+  if (!config_.growth_ticks) config_.growth_ticks = default_growth_ticks(config.update_Hz);
 }
 
 void Session::take(const palpate_ServoTrace_1_0& trace) {
@@ -212,13 +219,22 @@ ModelUpdate Session::begin_update() {
   return update;
 }
 
+ModelStamp Session::stamp(std::uint32_t sequence) const {
+  return {.sequence = sequence,
+          .tick = tick_,
+          .valid_ticks = config_.valid_ticks,
+          .tip = config_.tip,
+          .kind = feedback_->kind(),
+          .growth_ticks = *config_.growth_ticks};
+}
+
 Session::Model Session::make_model(const SurfacePoint& focus) {
   Model made;
   made.model = builder_->build(surface_.state(), focus, surface_.drives().upcoming());
   limit_growth(made.model, config_.valid_ticks * kTick_s);
   if (made.model.modes() == 0) return made;
-  pack_model(made.model, {sequence_ + 1, tick_, config_.valid_ticks, config_.tip, feedback_->kind()},
-             config_.law, config_.surface, surface_.friction(), contact_, made.contents);
+  pack_model(made.model, stamp(sequence_ + 1), config_.law, config_.surface, surface_.friction(), contact_,
+             made.contents);
   made.packed = wire::pack(made.contents);
   return made;
 }
@@ -298,8 +314,7 @@ std::optional<ModelUpdate> Session::send_model(const SurfacePoint& contact) {
 
 ModelUpdate Session::send_force() {
   ModelUpdate update = begin_update();
-  pack_held_force({sequence_, tick_, config_.valid_ticks, config_.tip}, config_.law, contact_,
-                  update.message);
+  pack_held_force(stamp(sequence_), config_.law, contact_, update.message);
   update.packed = wire::pack(update.message);
   return update;
 }

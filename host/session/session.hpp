@@ -17,12 +17,17 @@
 #include "host/linearize/model_builder.hpp"
 #include "host/session/body_surface.hpp"
 #include "host/session/feedback.hpp"
+#include "host/session/model_message.hpp"
 #include "host/session/tip_forecast.hpp"
 #include "host/session/tip_history.hpp"
 #include "shared/wire/messages.hpp"
 #include "shared/wire/packed_model.hpp"
 
 namespace palpate::host {
+
+// Two updates and the host's jitter of 30 ms, so that neither the loss of one model nor that jitter holds the
+// force (docs/safety.md); at most what the message holds.
+[[nodiscard]] std::uint16_t default_growth_ticks(double update_Hz);
 
 struct SessionConfig {
   Feedback feedback = Feedback::exact;
@@ -34,6 +39,8 @@ struct SessionConfig {
   double update_Hz = 30.0;  // of local models, in virtual time
   BuilderConfig model{};
   std::uint16_t valid_ticks = 200;
+  // After a model was taken over its force may grow; std::nullopt: default_growth_ticks().
+  std::optional<std::uint16_t> growth_ticks{};
   std::vector<NodeDrive> drives;  // times count from the first tick that is heard of
   // No model is built while the tip is further from the surface than this. 2 cm: a hand at 0.25 m/s
   // needs 80 ms for it, a frame of 33 ms and the 45 ms that a model takes at most in the demo to be in use.
@@ -120,6 +127,7 @@ class Session {
   void interpolate_old_gaps();
   void advance_body();
   [[nodiscard]] ModelUpdate begin_update();
+  [[nodiscard]] ModelStamp stamp(std::uint32_t sequence) const;
   std::optional<ModelUpdate> send_model(const SurfacePoint& focus);
   ModelUpdate send_force();
   // Where update() has no model, and the board may have an old one.

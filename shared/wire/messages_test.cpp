@@ -64,6 +64,7 @@ palpate_ModelState_1_0 model_state(std::size_t modes, std::size_t nodes) {
   message.tick = 123456;
   message.basis_id = 0xCAFEBABE;
   message.valid_ticks = 500;
+  message.growth_ticks = 97;
   message.tip_source = palpate_ModelState_1_0_TIP_ESTIMATED;
   message.contact.mode = palpate_Contact_1_0_MODE_SLIP;
   message.contact.triangle = 4321;
@@ -203,7 +204,7 @@ TEST(Messages, CountBeyondItsBoundIsRefused) {
   struct Prefix {
     std::size_t at, bound;
   };
-  constexpr std::size_t kFixedBytes = 100;
+  constexpr std::size_t kFixedBytes = 102;
   for (const Prefix& prefix : {Prefix{0, 96}, Prefix{1, 192}, Prefix{2, 192}, Prefix{3, 192}}) {
     Bytes bytes = empty;
     ASSERT_EQ(bytes.size(), kFixedBytes + 4);

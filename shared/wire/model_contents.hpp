@@ -22,6 +22,7 @@ struct ModelContents {
   std::uint64_t schema_hash = 0;
   std::uint32_t tick = 0;
   std::uint16_t valid_ticks = 0;
+  std::uint16_t growth_ticks = 0;
   std::uint16_t modes = 0;
   std::uint8_t nodes = 0;
   std::uint8_t surface_nodes = 0;

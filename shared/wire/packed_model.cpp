@@ -108,6 +108,7 @@ PackedModel pack(const ModelContents& m) {
   state.schema_hash = m.schema_hash;
   state.tick = m.tick;
   state.valid_ticks = m.valid_ticks;
+  state.growth_ticks = m.growth_ticks;
   state.kind = m.kind;
   state.tip_source = m.tip_source;
   state.contact = m.contact;

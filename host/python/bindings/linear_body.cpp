@@ -49,10 +49,12 @@ void add_degrees_of_freedom(nb::dict& result, const host::Body& body) {
   result["axis"] = array(std::move(axis));
 }
 
-void add_lattice(nb::dict& result, const host::Body& body) {
-  const auto lattice = body.lattice().value();
-  result["nodes"] = array(std::vector<std::int32_t>(lattice.nodes.begin(), lattice.nodes.end()));
-  result["spacing_m"] = lattice.spacing_m;
+// nodes: of a lattice along x, y and z; none of a mesh, whose spacing is 0.
+void add_nodes(nb::dict& result, const host::Body& body) {
+  const auto& lattice = body.lattice();
+  result["nodes"] = array(lattice ? std::vector<std::int32_t>(lattice->nodes.begin(), lattice->nodes.end())
+                                  : std::vector<std::int32_t>{});
+  result["spacing_m"] = lattice ? lattice->spacing_m : 0.0;
   result["rest_position_m"] = nodes_by_3(body.rest_position_m());
   std::vector<int> all(static_cast<std::size_t>(body.node_count()));
   for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
@@ -84,7 +86,7 @@ nb::dict linear_body(const nb::dict& scene) {
   add_degrees_of_freedom(result, body);
   result["stiffness"] = csc(-tangent.df_dx_N_m);
   result["damping"] = csc(-tangent.df_dv_N_s_m);
-  add_lattice(result, body);
+  add_nodes(result, body);
   add_springs(result, body.springs());
   return result;
 }

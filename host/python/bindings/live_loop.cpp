@@ -139,6 +139,8 @@ nb::dict status(const host::LiveFeed& feed) {
   result["board_faults"] = board.faults;
   result["board_last_status"] = board.last_status;
   result["board_missed_deadlines"] = board.missed_deadlines;
+  result["board_worst_tick_count"] = board.worst_tick_count;
+  result["board_clock_Hz"] = board.clock_Hz;
   result["board_frames_refused"] = board.frames_refused;
   return result;
 }

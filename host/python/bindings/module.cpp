@@ -36,6 +36,7 @@ NB_MODULE(_core, module) {
   palpate::python::bind_body(module);
   palpate::python::bind_model(module);
   palpate::python::bind_session(module);
+  palpate::python::bind_arm(module);
   palpate::python::bind_device(module);
   palpate::python::bind_endpoint(module);
   palpate::python::bind_live_loop(module);

@@ -180,7 +180,8 @@ void bind_body(nb::module_& module) {
       .def(
           "node",
           [](const MovingBody& m, int i, int j, int k) {
-            const host::LatticeShape& shape = m.body().lattice().value();
+            if (!m.body().lattice()) throw std::invalid_argument("node: a mesh has no indices [i, j, k]");
+            const host::LatticeShape& shape = *m.body().lattice();
             const std::array<int, 3> index{i, j, k};
             for (std::size_t axis = 0; axis < 3; ++axis)
               if (index[axis] < 0 || index[axis] >= shape.nodes[axis])

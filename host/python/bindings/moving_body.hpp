@@ -61,6 +61,7 @@ class MovingBody {
 void bind_body(nb::module_& module);
 void bind_model(nb::module_& module);
 void bind_session(nb::module_& module);
+void bind_arm(nb::module_& module);
 void bind_device(nb::module_& module);
 void bind_endpoint(nb::module_& module);
 void bind_live_loop(nb::module_& module);

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "host/python/bindings/network.hpp"
 #include "shared/servo_tick.hpp"
 
 namespace palpate::python {
@@ -139,6 +140,7 @@ std::vector<std::uint32_t> whole_list(const nb::dict& table, const char* key) {
 
 host::Body read_body(const nb::dict& scene) {
   const nb::dict body = table(scene, "body");
+  if (!scene["network"].is_none()) return read_network(table(scene, "network"), vector(body, "gravity_m_s2"));
   host::LatticeSpec spec;
   spec.dimension = nb::cast<int>(body["dimension"]);
   spec.nodes = nb::cast<std::array<int, 3>>(body["nodes"]);
@@ -309,6 +311,8 @@ host::ClosedLoopConfig read_closed_loop(const nb::dict& scene, const host::Body&
   if (const std::uint64_t cache_MB = whole(model, "basis_cache_MB"); cache_MB > 0)
     bases.cache = {cache_folder, 1'000'000 * cache_MB};
   config.session.valid_ticks = nb::cast<std::uint16_t>(model["valid_ticks"]);
+  if (!nb::object(model["growth_ticks"]).is_none())
+    config.session.growth_ticks = nb::cast<std::uint16_t>(model["growth_ticks"]);
   config.session.feedback = choice<host::Feedback>(text(model, "feedback"), "model.feedback",
                                                    {{"exact", host::Feedback::exact},
                                                     {"paper", host::Feedback::paper},

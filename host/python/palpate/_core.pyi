@@ -200,6 +200,18 @@ class Session:
     @property
     def velocity_m_s(self) -> NDArray[np.float64]: ...
 
+def arm_tip_m(joint_rad: list[float]) -> NDArray[np.float64]:
+    """Where the arm's tip is (3,), device frame, at joint angles; in single precision, as the firmware has it."""
+
+def arm_jacobian_m(joint_rad: list[float]) -> NDArray[np.float64]:
+    """d tip / d joint angle (3, 3), likewise."""
+
+def arm_counts_rad() -> NDArray[np.float64]:
+    """Counts of the joints' encoders (3,)."""
+
+def arm_torque_N_m_A() -> NDArray[np.float64]:
+    """Torque of the joints by their motors' currents (3,)."""
+
 class Plant:
     def __init__(self, scene: dict[str, Any]) -> None: ...
     def advance(self, setpoint_A: list[float], enabled: bool, duration_s: float) -> None: ...

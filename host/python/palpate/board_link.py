@@ -183,6 +183,10 @@ class BoardLink:
         """Raises BoardLinkError where the board has none of that name."""
         return self._access(name, [])
 
+    def find_register(self, name: str) -> Register | None:
+        """None where the board has none of that name."""
+        return self._try_access(name, [])
+
     def write_register(self, name: str, values: ArrayLike) -> Register:
         """Three numbers, by joint; in use, and stored where the board can, when it returns. Raises BoardLinkError where the board has
         no such register, or refuses: out of range, armed, or not stored."""
@@ -198,6 +202,12 @@ class BoardLink:
         return now
 
     def _access(self, name: str, values: list[float]) -> Register:
+        found = self._try_access(name, values)
+        if found is None:
+            raise BoardLinkError(f"{self.name}: no register {name!r}: it has {', '.join(self.register_names())}")
+        return found
+
+    def _try_access(self, name: str, values: list[float]) -> Register | None:
         try:
             frame, transfer_id = self._endpoint.register_access(name, values)
         except ValueError as error:
@@ -205,7 +215,7 @@ class BoardLink:
         self._link.write(frame)
         answer = self._wait("RegisterAccess", transfer_id)
         if answer["value"] is None:
-            raise BoardLinkError(f"{self.name}: no register {name!r}: it has {', '.join(self.register_names())}")
+            return None
         return Register(name, tuple(answer["value"]), answer["mutable"], answer["persistent"], 1e-6 * answer["read_us"])
 
     def push(self, force_N: ArrayLike) -> None:

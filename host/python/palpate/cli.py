@@ -1,4 +1,4 @@
-"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | gui | device | calibrate | fuzz | flash | doctor | completion | test`.
+"""The command line: `palpate demo | run | simulate | reproduce | reduce | bench | choose | mesh | gui | device | calibrate | fuzz | flash | doctor | completion | test`.
 
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted.
 """
@@ -23,7 +23,10 @@ from palpate.paths import ROOT, SCENES, SOURCE
 from palpate.record import BadRecord, RecordError, read_record
 from palpate.record_layout import RUN
 from palpate.scene import Scene, SceneError, load_scene
+from palpate.scene_body import Body
+from palpate.scene_mesh import BodyMesh
 from palpate.scene_overrides import parse_override
+from palpate.scene_schema import Reader, key_specs
 from palpate.summary import board_failures, suspicions
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -118,6 +121,17 @@ def build_parser() -> argparse.ArgumentParser:
     def add_scene(command: argparse.ArgumentParser) -> None:
         command.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
         add_set(command)
+
+    def add_mesh_options(command: argparse.ArgumentParser) -> None:
+        for name, metavar, text in (
+            ("--scale", "M", "a unit of the file in metres, 0.001 for millimetres (default: 1)"),
+            ("--cell", "M", "of a surface: length of edges of its fill (default: the surface's own triangles)"),
+            ("--young", "PA", "Young's modulus (default: 10000)"),
+            ("--density", "KG_M3", "density (default: 1000)"),
+            ("--damping-ratio", "RATIO", "of the springs (default: 1)"),
+            ("--min-angle", "DEG", "smallest angle between two faces that is no sliver's (default: 5)"),
+        ):
+            command.add_argument(name, type=float, metavar=metavar, help=f"{text}; not with a scene")
 
     def add_reduce_options(command: argparse.ArgumentParser) -> None:
         body = command.add_mutually_exclusive_group()
@@ -227,6 +241,11 @@ def build_parser() -> argparse.ArgumentParser:
     choose.add_argument(
         "--record", type=Path, metavar="FILE", help="record.h5 of a run: for the bandwidth and the latency that it measured"
     )
+    mesh = add("mesh", "check a mesh, or that of a scene, element by element, and show what body it makes")
+    mesh.add_argument("file", type=Path, metavar="FILE", help="mesh (.msh, .vtk, .vtu, .obj, .stl), or a scene with [body.mesh] (.toml)")
+    add_mesh_options(mesh)
+    add_set(mesh)
+    mesh.add_argument("--out", type=Path, metavar="DIR", help="folder for mesh.json and mesh.png (default: none)")
     figures = add("reproduce", "repeat the paper's experiments, check its statements and write a report")
     figures.add_argument(
         "figures",
@@ -241,7 +260,7 @@ def build_parser() -> argparse.ArgumentParser:
     reduction = add("reduce", "reduce a body as its contact node sees it, or judge whether a local model will do")
     add_reduce_options(reduction)
     add_out(reduction, "out/reduce")
-    text = "measure what local models cost, what links hold, what faults do to the force, or what is stable"
+    text = "measure what local models cost, what links hold, what faults do to the force, what is stable, or what the tests notice"
     benches = describe(commands, "bench", text, "bench").add_subparsers(dest="what", required=True, metavar="WHAT")
     frontier = add("frontier", "cost against error of every builder in every experiment, and sweeps", benches, "bench ")
     frontier.add_argument("--quick", action="store_true", help="two experiments, three builders, no sweeps")
@@ -261,6 +280,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     stability.add_argument("--quick", action="store_true", help="three rates, two dampings, shorter trials")
     add_out(stability, "out/stability")
+    from palpate.mutants.laboratory import SOURCES
+
+    mutants = add("mutants", "small wrong changes of the safety supervisor, each of which a unit test must notice", benches, "bench ")
+    mutants.add_argument("--file", choices=tuple(SOURCES), action="append", help="mutate this source of firmware/core; may be repeated (default: all)")
+    mutants.add_argument("--sample", type=int, metavar="N", help="try so many of them, the same each time")
+    mutants.add_argument("--jobs", type=int, default=2, metavar="N", help="at a time (default: 2)")
+    add_out(mutants, "out/mutants")
     calibrate = add("calibrate", "find what is the arm's and its amplifiers' own, step by step, and keep it on the board")
     calibrate.add_argument("link", metavar="LINK", help="the board: a serial port, or an address as in docs/device_api.md (udp:, can:, usb:)")
     calibrate.add_argument("--steps", nargs="+", metavar="STEP", help="only these: direction, zero, monitors, sweep, friction, gravity")
@@ -494,6 +520,60 @@ def _choose(arguments: argparse.Namespace) -> int:
     return OK
 
 
+# Options of palpate mesh, and the keys that they stand for.
+_MESH_OPTIONS = {
+    "scale": "body.mesh.scale_m",
+    "cell": "body.mesh.cell_m",
+    "young": "body.mesh.young_modulus_Pa",
+    "density": "body.mesh.density_kg_m3",
+    "damping_ratio": "body.damping_ratio",
+    "min_angle": "body.mesh.min_angle_deg",
+}
+
+
+def _mesh_report(arguments: argparse.Namespace) -> Any:
+    from palpate.mesh import command
+
+    given = {name: getattr(arguments, name) for name in _MESH_OPTIONS}
+    if arguments.file.suffix == ".toml":
+        for name, value in given.items():
+            if value is not None:
+                key = _MESH_OPTIONS[name]
+                raise SceneError(f"--{name.replace('_', '-')} = {value:g}: not with a scene: set it there, or with --set {key}=...")
+        return command.examine_scene(arguments.file, _overrides(arguments))
+    if arguments.set:
+        raise SceneError("--set: only with a scene (.toml); a mesh has options of its own (palpate mesh --help)")
+    kinds = dict(key_specs(BodyMesh)) | {"damping_ratio": dict(key_specs(Body))["damping_ratio"]}
+    keys = {}
+    for name, value in given.items():
+        if value is not None:
+            key = _MESH_OPTIONS[name].rpartition(".")[2]
+            keys[key] = kinds[key].kind.read(Reader(arguments.file), f"--{name.replace('_', '-')}", value, kinds[key].unit)
+    return command.examine_file(arguments.file, keys)
+
+
+def _mesh(arguments: argparse.Namespace) -> int:
+    from palpate.mesh import command
+
+    report = _mesh_report(arguments)
+    values = command.to_dict(report)
+    files = command.write(report, values, arguments.out) if arguments.out else []
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(arguments.file, file=table)
+    for name, text in command.lines(values):
+        print(f"  {name:<28}{text}", file=table)
+    for finding in report.findings:
+        print(paint(f"  {'problem' if finding.error else 'note':<28}{finding}", "red" if finding.error else "yellow", table), file=table)
+    if report.problem:
+        print(paint(f"  {'problem':<28}{report.problem}", "red", table), file=table)
+    print(f"  {'a scene takes it':<28}{'yes' if report.ok else 'no'}", file=table)
+    for file in files:
+        print(f"  {'wrote':<28}{file}", file=table)
+    if arguments.json:
+        print(json.dumps(values | {"files": [str(file) for file in files]}, allow_nan=False))
+    return OK if report.ok else FAILED
+
+
 def _reproduce(arguments: argparse.Namespace) -> int:
     from palpate.reproduce import command
 
@@ -644,6 +724,22 @@ def _bench_stability(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _bench_mutants(arguments: argparse.Namespace) -> int:
+    if SOURCE is None:
+        raise SceneError("palpate bench mutants: only in the source tree: ./run bench mutants")
+    from palpate.mutants import command
+    from palpate.mutants.laboratory import SOURCES
+
+    folder = _output_folder(arguments, "mutants")
+    values = command.bench_mutants(arguments.file or list(SOURCES), arguments.sample, arguments.jobs, folder, _progress)
+    table: TextIO = sys.stderr if arguments.json else sys.stdout
+    print(command.format_table(values), file=table)
+    _print_files(values["files"], table)
+    if arguments.json:
+        print(json.dumps(values, allow_nan=False))
+    return FAILED if values["survivors"] else OK
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     if arguments.what == "faults":
         return _bench_faults(arguments)
@@ -651,6 +747,8 @@ def _bench(arguments: argparse.Namespace) -> int:
         return _bench_links(arguments)
     if arguments.what == "stability":
         return _bench_stability(arguments)
+    if arguments.what == "mutants":
+        return _bench_mutants(arguments)
     from palpate.frontier import command
 
     folder = _output_folder(arguments, "frontier")
@@ -816,6 +914,7 @@ def main(argv: Sequence[str]) -> int:
             "gui": _gui,
             "device": _device,
             "choose": _choose,
+            "mesh": _mesh,
             "flash": _flash,
             "calibrate": _calibrate,
             "doctor": _doctor,

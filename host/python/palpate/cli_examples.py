@@ -22,10 +22,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "bench links": ("./run bench links --quick",),
     "bench stability": ("./run bench stability --zwidth", "./run bench stability --zwidth --quick --json"),
     "bench faults": ("./run bench faults --only unplugged drop --json", "./run bench faults --board mps2_an386 --quick"),
+    "bench mutants": ("./run bench mutants", "./run bench mutants --file motor_heat.hpp --sample 20 --json"),
     "choose": (
         "./run choose scenes/auto.toml",
         "./run choose scenes/auto.toml --set link.baud=2600000 --board mps2_an500 --json",
     ),
+    "mesh": ("./run mesh scenes/liver.toml --out out/mesh", "./run mesh scenes/meshes/sphere.obj --scale 0.001 --cell 0.01 --json"),
     "gui": (
         "./run gui",
         "./run gui scenes/stick.toml --board mps2_an386 --set contact.friction=0.5",

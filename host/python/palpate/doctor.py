@@ -238,21 +238,26 @@ def _group_of(device: str) -> str:
 
 
 def check_boards() -> Iterator[Check]:
-    """Attached boards: which firmware answers, and whether this host understands it."""
+    """Attached boards: which firmware answers, whether this host understands it, and why it started last."""
     if versions.host_schema() is None:
         return
     from palpate.board_link import BoardLink, BoardLinkError
     from palpate.board_search import addresses
+    from palpate.reset_record import REGISTER, ResetRecord
 
     for address in addresses():
         name = f"board at {address}"
         try:
             with BoardLink(address, timeout_s=_BOARD_PATIENCE_S) as board:
                 info = board.info()
-        except BoardLinkError as error:
+                kept = board.find_register(REGISTER)
+                record = None if kept is None else ResetRecord.of(info.board, kept.values)
+        except (BoardLinkError, ValueError) as error:
             yield Check(name, False, str(error), "flash it, or close what has its port", False)
             continue
         found = f"{info.board}, firmware {info.firmware}"
+        if record is not None:
+            found += f"; last reset: {record.cause}" + (f", before it: {record.fault}" if record.fault else "")
         same = info.firmware == __version__
         yield Check(name, same, found if same else f"{found}: not the host's {__version__}", "" if same else "flash it again", False)
 

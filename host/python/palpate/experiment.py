@@ -271,6 +271,9 @@ def _write_record(
     numbers: Mapping[str, Any],
     more: Mapping[str, str | int | float],
 ) -> None:
+    file = files.add("record.h5")
+    if (mesh := scene.keep_mesh(file.parent)) is not None:
+        files.add(mesh.name)
     attributes: dict[str, str | int | float] = {
         "palpate_version": __version__,
         "record_hash": numbers["record_hash"],
@@ -279,7 +282,7 @@ def _write_record(
     }
     if "board" in numbers:
         attributes["board"] = numbers["board"]
-    record.write_record(files.add("record.h5"), layout, values, scene.text, attributes)
+    record.write_record(file, layout, values, scene.text, attributes)
 
 
 def _title(scene: Scene, what: str) -> str:
@@ -384,7 +387,9 @@ def _draw_body(
     from palpate import figures
 
     nodes = scene.sections.body.nodes
-    lattice = (nodes[0], nodes[1], nodes[2]) if len(nodes) == 3 else (nodes[0], 1, nodes[1])
+    lattice = None
+    if nodes:
+        lattice = (nodes[0], nodes[1], nodes[2]) if len(nodes) == 3 else (nodes[0], 1, nodes[1])
     tip_m = values["body/tip_m"]
     figures.save_body(
         files.add("body.png"),

@@ -58,12 +58,12 @@ class Marks:
 @dataclass(frozen=True)
 class BodyShape:
     """A body in two states. rest_m, position_m: (nodes, 3); triangles: (t, 3) node indices; lattice: its nodes along
-    x, y, z (numbered with x fastest), of which y has one in two dimensions; patch_nodes: (p,) node indices."""
+    x, y, z (numbered with x fastest), of which y has one in two dimensions, None of a mesh; patch_nodes: (p,) node indices."""
 
     rest_m: Array
     position_m: Array
     triangles: Array
-    lattice: tuple[int, int, int]
+    lattice: tuple[int, int, int] | None
     patch_nodes: Array
 
 
@@ -236,11 +236,12 @@ def save_body(
     """Draws the deformed body, coloured by displacement, with the patch, the tool and its path.
 
     tip_m: (3,); path_m: (n, 3), the tip's path. A body in three dimensions is drawn as a whole and as the section
-    through the layer of nodes nearest to the tip; a sheet only as the latter.
+    through the layer of nodes nearest to the tip, of a mesh the outline of its section through the tip; a sheet only as the
+    latter.
     """
     displacement_mm = _MM * np.linalg.norm(body.position_m - body.rest_m, axis=1)
     norm = Normalize(0.0, max(float(displacement_mm.max()), 1e-6))
-    whole = body.lattice[1] > 1
+    whole = body.lattice is None or body.lattice[1] > 1
     figure = Figure(figsize=(14.0, 6.6) if whole else (8.6, 7.0), dpi=120, layout="constrained")
     figure.suptitle(title, fontsize=12)
     if whole:
@@ -343,7 +344,74 @@ def _draw_section(
     tip_radius_m: float,
     path_m: Array | None,
 ) -> None:
-    nx, ny, nz = body.lattice
+    if body.lattice is None:
+        title = _draw_outline(axes, body, norm, tip_m)
+    else:
+        title = _draw_layer(axes, body, body.lattice, displacement_mm, norm, tip_m)
+    if path_m is not None:
+        axes.plot(
+            *(_MM * path_m[:, [0, 2]].T), color="black", linewidth=1.0, zorder=5, label="path of the tip"
+        )
+    if tip_m is not None:
+        centre = (float(_MM * tip_m[0]), float(_MM * tip_m[2]))
+        if tip_radius_m > 0.0:
+            axes.add_patch(Circle(centre, _MM * tip_radius_m, facecolor=_TANGENTIAL, alpha=0.35, zorder=5))
+        axes.plot(
+            *centre, "o", markersize=7, color=_TANGENTIAL, markeredgecolor="black", zorder=6, label="tip"
+        )
+    axes.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal")
+    axes.set_title(title, fontsize=10)
+    axes.autoscale_view()
+    axes.margins(0.05)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=8, frameon=False)
+
+
+def _draw_outline(axes: Axes, body: BodyShape, norm: Normalize, tip_m: Array | None) -> str:
+    """Where the surface at rest crosses the plane of constant y of the tip, at rest and now."""
+    y_m = float(np.median(body.rest_m[:, 1])) if tip_m is None else float(tip_m[1])
+    y_m = float(np.clip(y_m, *np.quantile(body.rest_m[:, 1], [0.02, 0.98])))
+    rest_m, now_m = _crossings(body, y_m)
+    moved_mm = _MM * np.linalg.norm(now_m - rest_m, axis=2).mean(axis=1)
+    axes.add_collection(
+        LineCollection(list(_MM * rest_m[:, :, [0, 2]]), colors="#b8b8b8", linewidths=1.0, zorder=1)
+    )
+    axes.add_collection(
+        LineCollection(list(_MM * now_m[:, :, [0, 2]]), array=moved_mm, norm=norm, cmap=_DEFORMATION, linewidths=2.2, zorder=2)
+    )
+    return f"outline at y = {_MM * y_m:.1f} mm (grey: at rest)"
+
+
+def _crossings(body: BodyShape, y_m: float) -> tuple[Array, Array]:
+    """(s, 2, 3) twice: ends of the lines in which a plane cuts triangles at rest, there and where the same points are now."""
+    side = body.rest_m[body.triangles][:, :, 1] - y_m
+    rest, now = [], []
+    for triangle, height in zip(body.triangles, side, strict=True):
+        above = height > 0.0
+        if above.all() or not above.any():
+            continue
+        ends_rest: list[Array] = []
+        ends_now: list[Array] = []
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            if above[a] != above[b]:
+                way = height[a] / (height[a] - height[b])
+                for points, ends in ((body.rest_m, ends_rest), (body.position_m, ends_now)):
+                    ends.append((1.0 - way) * points[triangle[a]] + way * points[triangle[b]])
+        rest.append(ends_rest)
+        now.append(ends_now)
+    return np.array(rest).reshape(-1, 2, 3), np.array(now).reshape(-1, 2, 3)
+
+
+def _draw_layer(
+    axes: Axes,
+    body: BodyShape,
+    lattice: tuple[int, int, int],
+    displacement_mm: Array,
+    norm: Normalize,
+    tip_m: Array | None,
+) -> str:
+    """The layer of a lattice's nodes that is nearest to the tip."""
+    nx, ny, nz = lattice
     layers = body.rest_m.reshape(nz, ny, nx, 3)[0, :, 0, 1]
     layer = 0 if tip_m is None else int(np.argmin(np.abs(layers - tip_m[1])))
     nodes = np.arange(nx * ny * nz).reshape(nz, ny, nx)[:, layer, :]
@@ -384,26 +452,7 @@ def _draw_section(
             zorder=4,
             label="patch",
         )
-    if path_m is not None:
-        axes.plot(
-            *(_MM * path_m[:, [0, 2]].T), color="black", linewidth=1.0, zorder=5, label="path of the tip"
-        )
-    if tip_m is not None:
-        centre = (float(_MM * tip_m[0]), float(_MM * tip_m[2]))
-        if tip_radius_m > 0.0:
-            axes.add_patch(Circle(centre, _MM * tip_radius_m, facecolor=_TANGENTIAL, alpha=0.35, zorder=5))
-        axes.plot(
-            *centre, "o", markersize=7, color=_TANGENTIAL, markeredgecolor="black", zorder=6, label="tip"
-        )
-    axes.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal")
-    axes.set_title(
-        f"section at y = {_MM * layers[layer]:.1f} mm (grey: at rest)" if ny > 1 else "grey: at rest",
-        fontsize=10,
-    )
-    axes.autoscale_view()
-    axes.margins(0.05)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=8, frameon=False)
+    return f"section at y = {_MM * layers[layer]:.1f} mm (grey: at rest)" if ny > 1 else "grey: at rest"
 
 
 def _pairs(grid: Array) -> Sequence[tuple[int, int]]:

@@ -266,6 +266,7 @@ class Live:
         """Begins to record into `file` (docs/records.md). OSError where it cannot be made."""
         self.stop_recording()
         attributes = {"command": "gui", "board": self.board_name}
+        self.scene.keep_mesh(file.parent)
         self._recorder = Recorder(file, record_layout.RUN, attributes, scene_text=self._scene_text())
         self.recording, self.recorded_ticks = file, 0
         self._before = {name: self.status[name] for name in _COUNTED}
@@ -361,6 +362,13 @@ def is_address(board: str) -> bool:
     return ":" in board
 
 
+def _box(scene: Scene, body: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest corner of the body at rest, and its extent, m."""
+    if (network := scene.network) is not None:
+        return network.rest_position_m.min(axis=0), np.ptp(network.rest_position_m, axis=0)
+    return np.array(body["origin_m"]), body["spacing_m"] * (np.array(body["nodes"]) - 1.0)
+
+
 def _for_a_person(scene: Scene, path: TipPath | None) -> dict[str, Any]:
     """The scene for the core, its hand one that follows a guide."""
     if scene.sections.body.dimension != 3:
@@ -372,9 +380,8 @@ def _for_a_person(scene: Scene, path: TipPath | None) -> dict[str, Any]:
             "interpolation": path.interpolation, "time_s": path.time_s, "position_m": path.position_m
         }  # fmt: skip
     elif values["path"] is None:
-        body = values["body"]
-        size_m = body["spacing_m"] * (np.array(body["nodes"]) - 1.0)
-        above_m = np.array(body["origin_m"]) + size_m * [0.5, 0.5, 1.0] + [0.0, 0.0, _START_ABOVE_M]
+        low_m, size_m = _box(scene, values["body"])
+        above_m = low_m + size_m * [0.5, 0.5, 1.0] + [0.0, 0.0, _START_ABOVE_M]
         values["path"] = {
             "interpolation": "minimum_jerk", "time_s": np.zeros(1), "position_m": above_m[None]
         }  # fmt: skip

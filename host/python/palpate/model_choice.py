@@ -340,6 +340,8 @@ def choose(
 ) -> tuple[SceneFile, Choice]:
     """The scene with numbers in place of "auto", and why. measured: of a run, in place of what the scene says of the link and of
     how late the host is. Raises SceneError where something is "auto" and nothing fits; a fixed value is never changed."""
+    if requested.body.mesh is not None:
+        raise reader.problem("body.mesh", f'given; must be left out, with body.nodes in its place: the rule of "{AUTO}" is for lattices only')
     if requested.body.dimension != 3:
         raise reader.error("body.dimension", requested.body.dimension, f'3 where a key is "{AUTO}": a sheet cannot be touched')
     speed_m_s = requested.tool.speed_m_s

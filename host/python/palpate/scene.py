@@ -8,13 +8,13 @@ import re
 import tomllib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from palpate.model_choice import Choice, Measured, auto_keys, choose, without_auto
 from palpate.scene_body import Body, MaterialRegion
-from palpate.scene_checks import check_scene, friction, steps_per_tick
+from palpate.scene_checks import check_exported_nodes, check_scene, friction, steps_per_tick
 from palpate.scene_overrides import (
     OVERRIDE_COMMENT,
     Overrides,
@@ -25,6 +25,9 @@ from palpate.scene_overrides import (
 from palpate.scene_schema import Reader, SceneError, read_section
 from palpate.scene_sections import TICK_S, Contact, FrictionRegion, Model, Path, SceneFile
 from palpate.tip_path import Interpolation, TipPath, read_csv
+
+if TYPE_CHECKING:
+    from palpate.mesh.network import Network
 
 __all__ = ["Scene", "SceneError", "load_recorded_scene", "load_scene", "make_scene"]
 
@@ -58,6 +61,25 @@ class Scene:
         2010)."""
         return _material(self.sections.body, self.sections.body)["damping_N_s_m"]
 
+    @property
+    def network(self) -> "Network | None":
+        """The body made of [body.mesh]; None of a lattice. Raises SceneError."""
+        return _network(Reader(self.file), self.sections.body)
+
+    def keep_mesh(self, results: FilePath) -> FilePath | None:
+        """Puts a copy of the body's mesh, if it has one, into the folder of a record. The copy, None where there is none to make."""
+        mesh = self.sections.body.mesh
+        if mesh is None:
+            return None
+        from palpate.mesh.load import keep_mesh
+
+        return keep_mesh(self.file.parent, mesh, results)
+
+    def require_lattice(self, what: str) -> None:
+        """Raises SceneError for a body that is a mesh, of which `what` knows nothing."""
+        if self.sections.body.mesh is not None:
+            raise Reader(self.file).problem("body.mesh", f"given; must be left out, with body.nodes in its place: {what} is for lattices only")
+
     def with_board(self, name: str) -> "Scene":
         """The same scene on another board. Raises SceneError for what that has not, or where "auto" finds nothing for it."""
         requested = replace(self.requested, board=replace(self.requested.board, name=name))
@@ -89,11 +111,13 @@ class Scene:
         """The scene as `palpate._core` takes it: nested dictionaries of numbers, strings, lists and arrays.
 
         Defaults that follow from other keys are filled in; indices and vectors of a sheet get their y. `path` is None
-        or {interpolation, time_s (n,), position_m (n, 3)}.
+        or {interpolation, time_s (n,), position_m (n, 3)}; `network` None or the fields of `palpate.mesh.network.Network`.
         """
         values: dict[str, Any] = _with_lists(asdict(self.sections))
         values["duration_ticks"] = self.duration_ticks
-        values["body"] = _body_dict(self.sections.body)
+        network = self.network
+        values["body"] = _body_dict(self.sections.body) if network is None else _network_body(self.sections.body, network)
+        values["network"] = None if network is None else vars(network)
         contact = self.sections.contact
         every: tuple[Contact | FrictionRegion, ...] = (contact, *contact.regions)
         for given, table in zip(every, (values["contact"], *values["contact"]["regions"]), strict=True):
@@ -106,7 +130,7 @@ class Scene:
         values["outputs"]["node_ticks"] = [
             round(time_s / TICK_S) for time_s in self.sections.outputs.node_times_s
         ]
-        if self.sections.body.dimension == 3:  # a patch larger than the body is the whole body
+        if self.sections.body.dimension == 3 and network is None:  # a patch larger than the body is the whole body
             values["model"]["patch_nodes"] = [
                 min(patch, count)
                 for patch, count in zip(values["model"]["patch_nodes"], values["body"]["nodes"], strict=True)
@@ -173,6 +197,30 @@ def _body_dict(body: Body) -> dict[str, Any]:
             for drive in body.drives
         ],
     }
+
+
+def _network_body(body: Body, network: "Network") -> dict[str, Any]:
+    """Of a body that is a mesh; network: a digest of all that the core takes as an array."""
+    return {
+        "dimension": 3,
+        "network": network.digest,
+        "gravity_m_s2": list(body.gravity_m_s2),
+        "initial_nodes": [],
+        "initial_displacements_m": [],
+        "drives": [],
+    }
+
+
+def _network(reader: Reader, body: Body) -> "Network | None":
+    if body.mesh is None:
+        return None
+    from palpate.mesh.load import load_network  # SciPy takes its time: only where there is a mesh
+    from palpate.mesh.read import MeshError
+
+    try:
+        return load_network(reader.file.parent, body)
+    except MeshError as error:
+        raise reader.problem(f"body.mesh.{error.key}" if error.key else "body.mesh", str(error)) from None
 
 
 def load_scene(
@@ -255,6 +303,9 @@ def _checked(
     check_scene(reader, without_auto(requested))
     if path is None and requested.path is not None:
         path = _load_path(reader, requested.path)
+    network = _network(reader, requested.body)
+    if network is not None:
+        check_exported_nodes(reader, requested.outputs, len(network.mass_kg))
     return _resolve(reader.file, text, requested, path, measured)
 
 

@@ -2,18 +2,25 @@
 
 from dataclasses import dataclass
 
-from palpate.scene_schema import Choice, Integer, ListOf, Number, TablesOf, Vector, key
+from palpate.scene_mesh import BodyMesh
+from palpate.scene_schema import Choice, Integer, ListOf, Number, TablesOf, Vector, key, section
 from palpate.tip_path import MAX_POSITION_M, MAX_TIME_S
 
 MAX_NODES_PER_AXIS = 64
 
 COORDINATE = Number(-MAX_POSITION_M, MAX_POSITION_M)
+_NODES = Vector((2, 3), Integer(2, MAX_NODES_PER_AXIS))
 _NODE = Vector((2, 3), Integer(0, MAX_NODES_PER_AXIS - 1))
 _FACES = ("x-", "x+", "y-", "y+", "z-", "z+")
 _MASS = Number(0.0, 10.0, open_low=True)
 _STIFFNESS = Number(0.0, 1e6, open_low=True)
 _DAMPING_RATIO = Number(0.0, 100.0)
 _DAMPING = Number(0.0, 1e5)
+
+
+def nodes_requirement() -> str:
+    """What `nodes` must be where there is no mesh."""
+    return _NODES.requirement("")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,20 +86,23 @@ class MaterialRegion:
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """The lattice of point masses and of springs with dampers between neighbours."""
+    """The lattice, or mesh, of point masses and of springs with dampers between neighbours."""
 
     dimension: int = key(
         Integer(2, 3), "3: a block; 2: a sheet in the x-z plane, which cannot be touched", default=3
     )
     nodes: tuple[int, ...] = key(
-        Vector((2, 3), Integer(2, MAX_NODES_PER_AXIS)), "number of nodes [x, y, z]; [x, z] in two dimensions"
+        _NODES,
+        "number of nodes [x, y, z]; [x, z] in two dimensions",
+        default=(),
+        default_text="required, unless there is [body.mesh]",
     )
     spacing_m: float = key(
         Number(0.0, 1.0, open_low=True), "distance of neighbours along an axis", unit="m", default=0.01
     )
     origin_m: tuple[float, ...] = key(
         Vector((3,), COORDINATE),
-        "place of node [0, 0, 0] in the device frame",
+        "place of node [0, 0, 0], of a mesh that of the file's origin, in the device frame",
         unit="m",
         default=(0.0, 0.0, 0.0),
     )
@@ -143,4 +153,10 @@ class Body:
         "nodes that are driven for a while, whatever the forces on them; a local model holds them where they are at "
         "its own tick; see below",
         default=(),
+    )
+    mesh: BodyMesh | None = section(
+        BodyMesh,
+        "A mesh in place of the lattice ([bodies.md](bodies.md)). Of [body] it takes `origin_m`, `damping_ratio` and `gravity_m_s2`; no other "
+        "key may be given.",
+        optional=True,
     )

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import astuple, fields
 from itertools import product
 
-from palpate.scene_body import Body, MaterialRegion
+from palpate.scene_body import Body, MaterialRegion, nodes_requirement
+from palpate.scene_mesh import BodyMesh, FixedBox
 from palpate.scene_schema import Reader, SceneError
 from palpate.scene_sections import (
     FAULT_WAYS,
@@ -39,6 +40,8 @@ MAX_EXPORTED_NODES = 25_000_000
 def check_scene(reader: Reader, scene: SceneFile) -> None:
     """Raises SceneError for the first combination of keys that is not usable."""
     _check_body(reader, scene.body)
+    if scene.body.mesh is not None:
+        _check_mesh_elsewhere(reader, scene)
     _check_step(reader, "integrator.step_s", scene.integrator.step_s)
     _check_contact(reader, scene.contact)
     if scene.path is not None:
@@ -88,7 +91,47 @@ def _check_step(reader: Reader, where: str, step_s: float) -> None:
         raise reader.error(where, step_s, f"{TICK_S:g} s divided by a whole number in [1, 1000]")
 
 
+# Of [body], what a mesh takes.
+_MESH_TAKES = ("mesh", "origin_m", "damping_ratio", "gravity_m_s2")
+
+
+def _check_mesh(reader: Reader, body: Body, mesh: BodyMesh) -> None:
+    """What does not need the file."""
+    for given in fields(body):
+        if given.name not in _MESH_TAKES and getattr(body, given.name) != given.default:
+            raise reader.problem(f"body.{given.name}", "given together with body.mesh; must be left out")
+    if mesh.file == "":
+        raise reader.error("body.mesh.file", mesh.file, "the name of a file")
+    names = [region.name for region in mesh.regions]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise reader.error(f"body.mesh.regions[{i}].name", name, "a region that is not given already")
+    for i, box in enumerate(mesh.fixed_boxes):
+        _check_box(reader, f"body.mesh.fixed_boxes[{i}]", box)
+    for i, plane in enumerate(mesh.fixed_planes):
+        if not any(plane.normal):
+            raise reader.error(f"body.mesh.fixed_planes[{i}].normal", list(plane.normal), "of a length other than 0")
+
+
+def _check_mesh_elsewhere(reader: Reader, scene: SceneFile) -> None:
+    """Of other sections, what knows lattices only."""
+    if scene.model.builder == "hybrid":
+        raise reader.error(
+            "model.builder",
+            scene.model.builder,
+            '"patch", "patch_rescaled", "condensed" or "krylov" where body.mesh is given: each spring of a mesh is of its own kind, and '
+            "the board holds 16 kinds near the contact",
+        )
+    if scene.outputs.probe_node is not None:
+        raise reader.error("outputs.probe_node", list(scene.outputs.probe_node), "left out where body.mesh is given: it has no indices [i, j, k]")
+
+
 def _check_body(reader: Reader, body: Body) -> None:
+    if body.mesh is not None:
+        _check_mesh(reader, body, body.mesh)
+        return
+    if not body.nodes:
+        raise reader.problem("body.nodes", f"missing; must be {nodes_requirement()}, or a table [body.mesh]")
     dimension = body.dimension
     if len(body.nodes) != dimension:
         raise reader.error(
@@ -213,18 +256,20 @@ def fixed_nodes(body: Body) -> set[tuple[int, ...]]:
     return fixed
 
 
+def _check_box(reader: Reader, where: str, box: FixedBox | FrictionRegion) -> None:
+    for axis, (low_m, high_m) in enumerate(zip(box.from_m, box.to_m, strict=True)):
+        if low_m > high_m:
+            raise reader.error(
+                f"{where}.from_m", list(box.from_m), f"at most {where}.to_m in each coordinate; {'xyz'[axis]} is greater"
+            )
+
+
 def _check_contact(reader: Reader, contact: Contact) -> None:
     _check_friction(reader, "contact", contact)
     for i, region in enumerate(contact.regions):
         where = f"contact.regions[{i}]"
         _check_friction(reader, where, region)
-        for axis, (low_m, high_m) in enumerate(zip(region.from_m, region.to_m, strict=True)):
-            if low_m > high_m:
-                raise reader.error(
-                    f"{where}.from_m",
-                    list(region.from_m),
-                    f"at most {where}.to_m in each coordinate; {'xyz'[axis]} is greater",
-                )
+        _check_box(reader, where, region)
     different = {friction(contact), *map(friction, contact.regions)}
     if len(different) > MAX_FRICTIONS:
         raise reader.problem(
@@ -499,11 +544,16 @@ def _check_outputs(reader: Reader, outputs: Outputs, scene: SceneFile) -> None:
                 time_s,
                 f"greater than the previous time {times_s[i - 1]:.12g} s",
             )
-    if outputs.probe_node is not None:
-        _check_node(reader, "outputs.probe_node", outputs.probe_node, scene.body)
-    most = max(1, MAX_EXPORTED_NODES // math.prod(scene.body.nodes))
-    if len(times_s) > most:
+    if scene.body.mesh is None:
+        if outputs.probe_node is not None:
+            _check_node(reader, "outputs.probe_node", outputs.probe_node, scene.body)
+        check_exported_nodes(reader, outputs, math.prod(scene.body.nodes))
+
+
+def check_exported_nodes(reader: Reader, outputs: Outputs, nodes: int) -> None:
+    """Raises SceneError where all the nodes at all the times are more than fit into memory."""
+    most = max(1, MAX_EXPORTED_NODES // nodes)
+    if len(outputs.node_times_s) > most:
         raise SceneError(
-            f"{reader.file}: outputs.node_times_s: {len(times_s):,} times: must be at most {most:,} for "
-            f"{math.prod(scene.body.nodes):,} nodes"
+            f"{reader.file}: outputs.node_times_s: {len(outputs.node_times_s):,} times: must be at most {most:,} for {nodes:,} nodes"
         )

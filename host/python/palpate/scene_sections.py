@@ -308,6 +308,14 @@ class Model:
         unit="ticks",
         default=200,
     )
+    growth_ticks: int | None = key(
+        Integer(0, 65535),
+        "ticks after the board took a model over in which its force may grow; then it stays below what it was, or 0.5 N, until the "
+        "next model",
+        unit="ticks",
+        default=None,
+        default_text="two updates and 30",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,16 +12,17 @@ class NodalStress:
     """Von Mises stress of each node's virial stress: what a node's springs carry, without their dampers.
 
     sigma = 1 / (2 V) sum over the node's springs of d f^T, with d (m) from the node to the spring's other end, f (N) the
-    spring's pull on the node, and V the volume of a lattice's cell, also for nodes at the border, which have less: there
-    the stress is an underestimate (Admal and Tadmor, Journal of Elasticity 100, 2010, equation 5.20, static part).
+    spring's pull on the node, and V the volume that is the node's (Admal and Tadmor, Journal of Elasticity 100, 2010,
+    equation 5.20, static part). volume_m3: of a mesh (n,); of a lattice that of a cell, also for nodes at the border, which
+    have less: there the stress is an underestimate.
     """
 
-    def __init__(self, body: Body, spacing_m: float) -> None:
+    def __init__(self, body: Body, volume_m3: float | Floats) -> None:
         self._first, self._second = body.springs.T.astype(np.intp)
         self._stiffness_N_m = body.spring_stiffness_N_m
         self._length_m = np.linalg.norm(body.rest_m[self._second] - body.rest_m[self._first], axis=1)
         self._nodes = body.node_count
-        self._volume_m3 = spacing_m**3
+        self._volume_m3 = volume_m3
 
     def von_mises_Pa(self, position_m: Floats) -> Floats:
         """(n,) of positions (n, 3)."""

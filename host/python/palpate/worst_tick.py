@@ -1,9 +1,9 @@
 """The longest servo tick of a board's firmware against its budget, in a run that is known to take long ones: a slide at 10 cm/s on the model
 with the most work in a tick (docs/decisions/cycles.md).
 
-    python -m palpate.worst_tick BOARD [--table FILE]
+    python -m palpate.worst_tick BOARD
 
-`./run build` calls it. Exit code 1 where the tick is over its budget, or the run fails.
+`./run build` calls it. The table is left beside those of the board's images, too (palpate.image_budgets). Exit code 1 where the tick is over its budget, or the run fails.
 """
 
 import argparse
@@ -15,6 +15,7 @@ from typing import Any
 
 from palpate import hil, versions
 from palpate.experiment import Progress, no_progress
+from palpate.image_budgets import WORST_TICK_FILE, folder
 from palpate.paths import SCENES
 
 SCENE = SCENES / "frontier/reference.toml"
@@ -135,6 +136,10 @@ def main() -> int:
         print(f"worst tick: the run failed: {error}", file=sys.stderr)
         return 1
     print("\n".join(lines))
+    file = folder(board) / WORST_TICK_FILE
+    if file.parent.is_dir():
+        # What is not measured now is not that of another image.
+        file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return code
 
 

@@ -50,6 +50,10 @@ RUN = {
         "run scenes/frontier/reference.toml --set 'path.csv=\"drag_10cm_s.csv\"' --set duration_s=0.3 --set contact.friction=0"
         " --set model.builder=hybrid --set model.patch_ahead=false --board native --out {out}"
     ),
+    "./run mesh scenes/liver.toml --out out/mesh": "mesh scenes/liver.toml --out {out}",
+    "./run mesh scenes/meshes/sphere.obj --scale 0.001 --cell 0.01 --json": (
+        "mesh scenes/meshes/sphere.obj --scale 0.001 --cell 0.01 --json"
+    ),
     "./run replay out/press/record.h5": "replay {record} --board native --out {out}",
     "./run replay out/press/record.h5 --set model.builder=krylov --board native --tolerance-N 0.5": (
         "replay {record} --set model.builder=krylov --board native --tolerance-N 5 --out {out}"
@@ -156,6 +160,7 @@ TESTED = {
         "host/python/tests/test_reduce_command.py::test_a_homogeneous_body_is_local_and_the_others_are_not"
     ),
     "./run bench frontier": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
+    "./run bench mutants --file motor_heat.hpp --sample 20 --json": "host/python/tests/test_supervisor_mutants.py::test_a_sample_is_killed",
     "./run bench faults --only unplugged drop --json": "host/python/tests/test_faults.py::test_the_matrix_breaks_no_rule",
     "./run bench frontier --quick": "host/python/tests/test_frontier.py::test_the_command_writes_what_it_prints",
     "./run bench links --help": "host/python/tests/test_cli.py::test_every_bench_has_a_help_of_its_own",
@@ -177,6 +182,9 @@ TESTED = {
     "PYTHONPATH=host/python .venv/bin/python -m palpate device --link can:vcan0 --duration 5 --play": "hil_tests/test_linux_guest.py::test_the_command_line_runs_a_command_and_ends_with_its_code",
     "pip install .": "host/python/tests/test_wheel.py::test_a_body_is_touched",
     "python -m palpate.docs": "host/python/tests/test_docs.py::test_generated_tables_are_up_to_date",
+    "./run mesh FILE": "host/python/tests/test_mesh_command.py::test_a_surface_is_filled",
+    "palpate mesh": "host/python/tests/test_mesh_command.py::test_a_scene_is_checked_and_drawn",
+    "python host/bench/mesh_modulus.py": "host/python/tests/test_mesh_network.py::test_a_cube_under_tension",
     "python host/bench/servo_rate.py": "hil_tests/test_tick_cycles.py::test_a_patch_of_eight_nodes_is_in_time_at_4_kHz",
     "python host/bench/scene_numbers.py": "host/python/tests/test_docs.py::test_the_measured_numbers_are_those_of_a_run",
     "python host/bench/fault_numbers.py": "host/python/tests/test_faults.py::test_the_matrix_breaks_no_rule",
@@ -220,7 +228,7 @@ NOT_RUN = {
     "./run reduce --check-locality scenes/demo.toml": _A_WHOLE_BODY,
     "./run reduce --check-locality scenes/demo.toml --press 0.005": _A_WHOLE_BODY,
     "palpate record 1": "no command: the name of a format",
-    "python host/bench/supervisor_mutants.py": _TOO_LONG + "; a sample is host/python/tests/test_supervisor_mutants.py",
+    "./run bench mutants": _TOO_LONG + "; a sample is host/python/tests/test_supervisor_mutants.py",
     "./run bench faults": _TOO_LONG,
     "./run bench stability --zwidth": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",
     "./run bench stability --zwidth --quick --json": "host/python/tests/test_stability.py::test_the_table_is_of_the_file",

@@ -44,12 +44,12 @@ def test_help_lists_the_commands() -> None:
 
 
 def test_every_bench_has_a_help_of_its_own() -> None:
-    options = {"frontier": set(), "links": set(), "faults": {"--only", "--board", "--medium"}, "stability": {"--zwidth"}}
+    options = {"frontier": set(), "links": set(), "faults": {"--only", "--board", "--medium"}, "stability": {"--zwidth"}, "mutants": {"--file", "--sample", "--jobs"}}
     for what, own in options.items():
         helped = palpate("bench", what, "--help")
         assert helped.returncode == 0
         assert f"examples:\n  {EXAMPLES[f'bench {what}'][0]}\n" in helped.stdout and f"out/{what})" in helped.stdout
-        assert set(re.findall(r"^  (--\w+)", helped.stdout, re.MULTILINE)) == own | {"--json", "--quick", "--out"}
+        assert set(re.findall(r"^  (--\w+)", helped.stdout, re.MULTILINE)) == own | {"--json", "--out"} | (set() if what == "mutants" else {"--quick"})
 
 
 @pytest.mark.parametrize(

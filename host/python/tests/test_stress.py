@@ -18,11 +18,11 @@ def body() -> Body:
 
 
 def test_nothing_at_rest(body: Body) -> None:
-    assert NodalStress(body, SPACING_M).von_mises_Pa(body.rest_m).max() < 1e-9
+    assert NodalStress(body, SPACING_M**3).von_mises_Pa(body.rest_m).max() < 1e-9
 
 
 def test_the_same_in_every_direction_has_no_von_mises_stress(body: Body) -> None:
-    stress = NodalStress(body, SPACING_M).von_mises_Pa(1.02 * body.rest_m)
+    stress = NodalStress(body, SPACING_M**3).von_mises_Pa(1.02 * body.rest_m)
     assert stress[body.node(2, 2, 2)] < 1e-9  # inside; borders pull to one side
 
 
@@ -36,11 +36,11 @@ def test_small_stretch_along_one_axis_inside(body: Body) -> None:
     factor = STIFFNESS_N_m * strain / (2.0 * SPACING_M)  # l^2 / V = 1 / spacing for a length of one cell
     sigma = factor * np.einsum("n,n,ni,nj->ij", length**2, c[:, 0] ** 2, c, c)
     expected = abs(sigma[0, 0] - sigma[1, 1])  # yy = zz, no shear
-    stress = NodalStress(body, SPACING_M).von_mises_Pa(body.rest_m * [1.0 + strain, 1.0, 1.0])
+    stress = NodalStress(body, SPACING_M**3).von_mises_Pa(body.rest_m * [1.0 + strain, 1.0, 1.0])
     assert stress[body.node(2, 2, 2)] == pytest.approx(expected, rel=10.0 * strain)
 
 
 def test_a_turn_has_no_stress(body: Body) -> None:
     angle = 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    assert NodalStress(body, SPACING_M).von_mises_Pa(body.rest_m @ turn.T).max() < 1e-6
+    assert NodalStress(body, SPACING_M**3).von_mises_Pa(body.rest_m @ turn.T).max() < 1e-6

@@ -8,8 +8,9 @@ from palpate.paths import ROOT
 
 sys.path.insert(0, str(ROOT / "host/bench"))
 import supervisor_coverage
-from firmware_build import NoBuild
 from supervisor_coverage import File
+
+from palpate.mutants.firmware_build import NoBuild
 
 
 @pytest.fixture(scope="module")

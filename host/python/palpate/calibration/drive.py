@@ -10,8 +10,8 @@ from palpate.calibration import arm
 from palpate.calibration.session import Calibration, Sample, StepError, Sweep
 
 _AMPLITUDE_RAD = 0.3
-_PERIOD_S = 4.0
-_PERIODS = 2
+# Of a sweep at one rate the angle goes with its acceleration, so that weight and inertia look alike; at two they do not.
+_PERIODS_S = (4.0, 2.0, 2.0)
 # A joint as a spring and a damper about its place: 15 rad/s and 0.7 of the critical damping with the arm's moments of inertia
 # (0.004, 0.0024, 0.001 kg m2), slow against the link's delay of some ms.
 _STIFFNESS_N_M_RAD = np.array([0.9, 0.54, 0.22])
@@ -77,15 +77,14 @@ class Driver:
 
     def sweep(self, start_rad: Floats, joint: int) -> Sweep:
         """One joint to and fro, the others held."""
-        rate = 2 * math.pi / _PERIOD_S
-
         def step(passed_s: float) -> Sample:
+            offset_rad, speed_rad_s = sweep_at(passed_s)
             wanted, speed = start_rad.copy(), np.zeros(3)
-            wanted[joint] += _AMPLITUDE_RAD * math.sin(rate * passed_s)
-            speed[joint] = _AMPLITUDE_RAD * rate * math.cos(rate * passed_s)
+            wanted[joint] += offset_rad
+            speed[joint] = speed_rad_s
             return self.draw(wanted, speed)
 
-        rows = self.last(_PERIODS * _PERIOD_S, step)
+        rows = self.last(sum(_PERIODS_S), step)
         return Sweep(
             joint,
             np.array([row.time_s for row in rows]),
@@ -128,6 +127,18 @@ class Driver:
 
     def _push(self, now: Sample, torque_N_m: Floats) -> None:
         self._calibration.board.push(np.linalg.solve(arm.jacobian_m(now.joint_rad).T, torque_N_m))
+
+
+def sweep_at(passed_s: float) -> tuple[float, float]:
+    """Where a joint shall be since its sweep's beginning, and how fast it shall go there: whole periods one after the other."""
+    for period_s in _PERIODS_S:
+        if passed_s < period_s:
+            break
+        passed_s -= period_s
+    else:
+        return 0.0, 0.0
+    rate = 2 * math.pi / period_s
+    return _AMPLITUDE_RAD * math.sin(rate * passed_s), _AMPLITUDE_RAD * rate * math.cos(rate * passed_s)
 
 
 def radians(values: Floats) -> str:

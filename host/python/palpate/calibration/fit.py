@@ -8,7 +8,7 @@ import scipy.signal  # type: ignore[import-untyped, unused-ignore]
 from palpate.body import Floats
 
 _GRID_s = 5e-3
-_WINDOW = 21  # points of the grid, 0.1 s: a count is 0.14 mrad, and the sweep's period 4 s
+_WINDOW = 21  # points of the grid, 0.1 s: a count is 0.14 mrad, and the sweep's shortest period 2 s
 _ORDER = 3
 # Slower, a joint may stick, and friction is not what it is in motion.
 SLOWEST_rad_s = 0.1

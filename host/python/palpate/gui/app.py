@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 
 from palpate import record
 from palpate.body import Body
-from palpate.gui.board_registers import BoardRegisters, read_registers
+from palpate.gui import attached_board
+from palpate.gui.attached_board import AttachedBoard
+from palpate.gui.board_lines import medium_of
 from palpate.gui.body_view import BodyView
 from palpate.gui.controls import Controls
 from palpate.gui.mouse_hand import MouseHand
 from palpate.gui.plots import PlotPanel
 from palpate.gui.settings import Settings, shown
 from palpate.hil import BoardError
+from palpate.image_budgets import Table, tables
 from palpate.injected import faulty_sections
 from palpate.live import Live, is_address
 from palpate.record import RecordError
@@ -48,7 +51,9 @@ class App:
         self.emergency_stop = False
         self.unplugged = self.babbling = False
         self.last_recording: Path | None = None
-        self.board_registers: BoardRegisters | None = None  # of an attached board, as the loop began
+        self.attached: AttachedBoard | None = None  # as the loop began
+        self.image = ""  # the board's name in the build
+        self.budgets: list[Table] = []  # of its image, as it was built here
         self.frames = 0  # drawn so far
         self.hand = MouseHand()
         self.controls = Controls()
@@ -64,9 +69,9 @@ class App:
 
     def __enter__(self) -> "App":
         try:
-            live, body = self._start(self._stack, self.settings, None)
+            started = self._start(self._stack, self.settings, None)
             _open_window(self._size)
-            self._show(live, body)
+            self._show(*started)
         except BaseException:
             self._stack.close()
             raise
@@ -230,17 +235,21 @@ class App:
 
     # Inside
 
-    def _start(self, stack: ExitStack, settings: Settings, path: TipPath | None) -> tuple[Live, Body]:
+    def _start(self, stack: ExitStack, settings: Settings, path: TipPath | None) -> tuple[Live, Body, AttachedBoard | None]:
         scene = settings.scene()
         body = Body(scene)
-        self.board_registers = read_registers(settings.board) if is_address(settings.board) else None
-        return stack.enter_context(Live(scene, settings.board, path)), body
+        attached = attached_board.ask(settings.board) if is_address(settings.board) else None
+        return stack.enter_context(Live(scene, settings.board, path)), body, attached
 
-    def _show(self, live: Live, body: Body) -> None:
-        self.live = live
+    def _show(self, live: Live, body: Body, attached: AttachedBoard | None) -> None:
+        self.live, self.attached = live, attached
+        self.image = live.board_name if attached is None else attached.name
+        self.budgets = tables(self.image, live.medium if attached is None else medium_of(live.board_name))
         self.shown = shown(live.scene)
         sections = live.scene.sections
-        self.view = BodyView(body, sections.body.spacing_m, sections.tool.radius_m)
+        network = live.scene.network
+        volume_m3 = sections.body.spacing_m**3 if network is None else network.volume_m3
+        self.view = BodyView(body, volume_m3, sections.tool.radius_m)
         self._shown_tick = None
         self._tick_at.clear()
         self.controls.restarted(sections.hand.grip)
@@ -258,7 +267,7 @@ class App:
                 Live(settings.scene(), settings.board, path)  # is the scene good? Nothing is opened yet
                 self.stop_recording()
                 self._stack.close()
-            live, body = self._start(stack, settings, path)
+            live, body, attached = self._start(stack, settings, path)
         except (BoardError, OSError, ValueError) as error:
             self.message = str(error)
             return False
@@ -269,7 +278,7 @@ class App:
         before, self._stack = self._stack, stack
         before.close()
         colouring = self.view.colouring
-        self._show(live, body)
+        self._show(live, body, attached)
         self.view.colouring = colouring
         self.settings = settings
         self.pending.clear()

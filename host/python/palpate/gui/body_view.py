@@ -32,9 +32,9 @@ _NOWHERE = np.array([0.0, 0.0, 1e3])
 
 
 class BodyView:
-    """Structures for one body; made anew for another. Lengths in m, device frame, z up."""
+    """Structures for one body; made anew for another. Lengths in m, device frame, z up. volume_m3: as for NodalStress."""
 
-    def __init__(self, body: Body, spacing_m: float, tip_radius_m: float) -> None:
+    def __init__(self, body: Body, volume_m3: float | Floats, tip_radius_m: float) -> None:
         ps.remove_all_structures()
         ps.set_automatically_compute_scene_extents(False)
         rest_m = body.rest_m
@@ -44,7 +44,7 @@ class BodyView:
         ps.set_bounding_box(low_m, high_m)
         self._rest_m = rest_m
         self._on_surface, corners = np.unique(body.triangles, return_inverse=True)
-        self._stress = NodalStress(body, spacing_m)
+        self._stress = NodalStress(body, volume_m3)
         self._range = 0.0
         self._coloured_as = ""
         self.colouring: Colouring = "displacement"

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import polyscope.imgui as psim
 
 from palpate.board_search import find_boards
-from palpate.gui.board_registers import BoardRegisters
+from palpate.gui import board_lines
+from palpate.gui.attached_board import AttachedBoard
 from palpate.gui.body_view import COLOURINGS
 from palpate.gui.settings import BAUDS, BUILDERS
 from palpate.hil import BOARDS
@@ -31,6 +32,7 @@ _DULL = (0.70, 0.70, 0.70, 1.0)
 _WARNING = (1.0, 0.70, 0.30, 1.0)
 # On CAN a flipped bit is an error that every node sees (host/link/can_bus.hpp).
 _NAMES_ON_CAN = {"flip_bit": "error on the bus"}
+_MEANT = {"plain": (1.0, 1.0, 1.0, 1.0), "dull": _DULL, "warning": _WARNING}
 _WIDTH = 140.0
 _MOST_DELAY_ms = 400
 _SILENT_s = 0.5  # without a word of the board
@@ -68,8 +70,10 @@ class Controls:
             self._faults(app)
         if psim.CollapsingHeader("Numbers", psim.ImGuiTreeNodeFlags_DefaultOpen):
             self._numbers(app)
-        if app.board_registers is not None and psim.CollapsingHeader("Calibration", psim.ImGuiTreeNodeFlags_DefaultOpen):
-            _calibration(app.board_registers)
+        if psim.CollapsingHeader("Board", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            _board(app)
+        if app.attached is not None and psim.CollapsingHeader("Calibration", psim.ImGuiTreeNodeFlags_DefaultOpen):
+            _calibration(app.attached)
         psim.PopItemWidth()
 
     def restarted(self, grip: float) -> None:
@@ -92,6 +96,8 @@ class Controls:
         if live.is_attached:
             if live.status["link_trouble"]:
                 _wrapped(_WARNING, f"link: {live.status['link_trouble']}")
+            if app.attached is not None and app.attached.reset is not None and app.attached.reset.fault:
+                _wrapped(_WARNING, f"before its last reset: {app.attached.reset.fault}")
         else:
             self._troubles(live)
         psim.PushStyleColor(psim.ImGuiCol_Button, _STOP)
@@ -127,10 +133,13 @@ class Controls:
         logarithmic = psim.ImGuiSliderFlags_Logarithmic
         for name, label, low, high, text, flags in (
             ("stiffness_N_m", "spring", 1.0, 1e4, "%.0f N/m", logarithmic),
+            ("young_modulus_Pa", "Young's modulus", 100.0, 1e7, "%.0f Pa", logarithmic),
             ("damping_ratio", "damping ratio", 0.05, 2.0, "%.2f", logarithmic),
             ("friction", "friction", 0.0, 2.0, "%.2f", 0),
             ("update_Hz", "updates", 10.0, 120.0, "%.0f Hz", 0),
         ):
+            if name not in shown:
+                continue
             value = float(app.pending.get(name, shown[name]))
             changed, value = psim.SliderFloat(label, value, low, high, text, flags | _CLAMP)
             if changed:
@@ -275,7 +284,21 @@ class Controls:
             _wrapped(_WARNING, app.message)
 
 
-def _calibration(board: BoardRegisters) -> None:
+def _board(app: "App") -> None:
+    """Why it started, its longest tick, and what its image takes of the part."""
+    attached = app.attached
+    lines = board_lines.tick_lines(app.live.board_name, app.live.status)
+    if attached is not None and attached.trouble:
+        lines.append((f"not read: {attached.trouble}", "warning"))
+    else:
+        lines += board_lines.budget_lines(app.image, app.budgets)
+        if attached is not None:
+            lines = board_lines.reset_lines(attached.reset) + lines
+    for text, meant in lines:
+        _wrapped(_MEANT[meant], text)
+
+
+def _calibration(board: AttachedBoard) -> None:
     """Base, upper arm, forearm."""
     if board.trouble:
         _wrapped(_WARNING, f"not read: {board.trouble}")

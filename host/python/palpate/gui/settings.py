@@ -11,6 +11,7 @@ BUILDERS = ("patch", "patch_rescaled", "condensed", "krylov", "hybrid")
 BAUDS = (921_600, 3_000_000, 6_000_000, 12_000_000)
 _KEYS = {
     "stiffness_N_m": "body.stiffness_N_m",
+    "young_modulus_Pa": "body.mesh.young_modulus_Pa",
     "damping_ratio": "body.damping_ratio",
     "friction": "contact.friction",
     "builder": "model.builder",
@@ -29,7 +30,7 @@ class Settings:
     overrides: dict[str, Any] = field(default_factory=dict)
 
     def set(self, name: str, value: Any) -> None:
-        """name: stiffness_N_m, damping_ratio, friction, builder, update_Hz or baud. KeyError for another."""
+        """name: stiffness_N_m, young_modulus_Pa, damping_ratio, friction, builder, update_Hz or baud. KeyError for another."""
         self.overrides[_KEYS[name]] = value
 
     def scene(self) -> Scene:
@@ -38,15 +39,22 @@ class Settings:
 
 
 def shown(scene: Scene) -> dict[str, Any]:
-    """Of a scene, what the controls show, by the names of `Settings.set`."""
+    """Of a scene, what the controls show, by the names of `Settings.set`: of a lattice its springs' stiffness, of a mesh its Young's
+    modulus."""
     values = scene.to_dict()
-    body = values["body"]
-    critical_N_s_m = (2.0 * body["mass_kg"] * body["stiffness_N_m"]) ** 0.5
     return {
-        "stiffness_N_m": body["stiffness_N_m"],
-        "damping_ratio": body["damping_N_s_m"] / critical_N_s_m,
+        **_material(scene, values["body"]),
         "friction": values["contact"]["static_friction"],
         "builder": values["model"]["builder"],
         "update_Hz": values["rates"]["model_update_Hz"],
         "baud": values["link"]["baud"],
     }
+
+
+def _material(scene: Scene, body: dict[str, Any]) -> dict[str, Any]:
+    given = scene.sections.body
+    if given.mesh is not None:
+        ratio = 1.0 if given.damping_ratio is None else given.damping_ratio
+        return {"young_modulus_Pa": given.mesh.young_modulus_Pa, "damping_ratio": ratio}
+    critical_N_s_m = (2.0 * body["mass_kg"] * body["stiffness_N_m"]) ** 0.5
+    return {"stiffness_N_m": body["stiffness_N_m"], "damping_ratio": body["damping_N_s_m"] / critical_N_s_m}

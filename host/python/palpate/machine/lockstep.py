@@ -4,7 +4,8 @@
     python -m palpate.machine.lockstep IMAGE            # says what the image is
 
 Frames and exit codes are those of boards/lockstep/exchange.hpp. A tick of the exchange is one of the servo's timer; without one, while the
-part is in reset or starts, a millisecond. What no link carries is read from the firmware's memory, as a debugger would.
+part is in reset or starts, a millisecond. What no link carries is read from the firmware's memory, as a debugger would. Motors are cold at the beginning,
+as on the other emulated boards.
 """
 
 import struct
@@ -42,6 +43,7 @@ class Exchange:
         self._report_address = image.symbols[_REPORT]
         self._actuators, self._sensors = actuators, sensors
         self._board = Nucleo(image)
+        self._board.leave_cold_motors()
 
     def run(self) -> int:
         """Until the plant ends it; returns the exit code."""

@@ -1,5 +1,6 @@
 """The NUCLEO-G474RE with amplifiers, encoders and emergency-stop chain, as boards/nucleo_g474re is wired (docs/hardware.md)."""
 
+import struct
 from collections.abc import Sequence
 
 from palpate.machine.part import Image
@@ -14,6 +15,8 @@ CODES = 4096
 # Of an ideal amplifier and its monitor: 3.3 V are so many amperes, and half of it is none.
 SETPOINT_RANGE_A, MONITOR_RANGE_A = 16.0, 24.0
 TICK_CYCLES = CLOCK_Hz // 1000
+# What the last tick before a reset leaves: firmware/core/kept_tick.hpp.
+_KEPT, _KEPT_TICK_WORDS, _KEPT_SEED = "palpate_kept_tick", 9, 0x4B455054
 
 
 class Nucleo:
@@ -70,6 +73,15 @@ class Nucleo:
         """What the amplifiers are told, on or off; 0 V, all it can be below mid-scale, where a channel is off."""
         codes = (self.chip.dac["DAC1"].code(1), self.chip.dac["DAC1"].code(2), self.chip.dac["DAC2"].code(1))
         return [SETPOINT_RANGE_A * ((code or 0) / CODES - 0.5) for code in codes]
+
+    def leave_cold_motors(self) -> None:
+        """Before the first cycle: RAM as a reset leaves it that came when nothing was latched and the motors were cold. Power that comes on leaves none,
+        and the board takes its motors for hot (docs/safety.md, "Heat")."""
+        words = [0] * _KEPT_TICK_WORDS
+        check = _KEPT_SEED
+        for word in words:
+            check = (check << 5 | check >> 27) & 0xFFFFFFFF ^ word
+        self.chip.core.store(self.chip.image.symbols[_KEPT], struct.pack(f"<{1 + len(words)}I", check, *words))
 
     # Time
 

@@ -53,6 +53,7 @@ def load(file: Path | None, dimension: int, overrides: Mapping[str, Any]) -> Sce
 
 def build_system(core: Any, request: Request) -> ContactSystem:
     """The system of the request's contact node. Raises SceneError, naming the scene's file."""
+    request.scene.require_lattice("a reduction")
     body = linear_body(core, request.scene.to_dict())
     try:
         with threadpool_limits(1):

@@ -67,8 +67,10 @@ class LinearBody:
 
 
 def linear_body(core: Any, scene: dict[str, Any]) -> LinearBody:
-    """The linear body of a scene (`Scene.to_dict`). ValueError: from the core."""
+    """The linear body of a scene (`Scene.to_dict`). ValueError: from the core. BodyError: for a mesh."""
     raw = core.linear_body(scene)
+    if not len(raw["nodes"]):
+        raise BodyError("body.mesh: given; must be left out, with body.nodes in its place: reductions are of lattices only")
     size = (len(raw["mass_kg"]),) * 2
 
     def matrix(name: str) -> sp.csc_matrix:

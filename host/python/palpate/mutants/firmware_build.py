@@ -7,7 +7,8 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from palpate.paths import ROOT
+
 BUILD = ROOT / os.environ.get("PALPATE_BUILD_HOST", "build/host")
 _TEST = "firmware/firmware_test"
 
@@ -38,6 +39,11 @@ class FirmwareTest:
         if not link or not (BUILD / _TEST).exists():
             raise NoBuild(f"{BUILD / _TEST} is missing: build the target firmware_test of the host's preset")
         self._link = [part for part in shlex.split(link[-1]) if part not in (":", "&&")]
+
+    @property
+    def program(self) -> Path:
+        """As the build has it."""
+        return BUILD / _TEST
 
     def compiler(self, source: Path, flags: Sequence[str], instead_of: Path | None = None) -> list[str]:
         """Command line without -c, -o and the source; as of another source where this one is not in the build."""

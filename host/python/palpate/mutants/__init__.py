@@ -1,0 +1,1 @@
+"""`palpate bench mutants`: the mutation test of the safety supervisor."""
