@@ -181,7 +181,7 @@ def square_model(sequence: int, tick: int, schema_hash: int, copies: int = 1, he
     header = struct.pack("<QIH7B3x6f", schema_hash, BASIS_HEADER_BYTES + len(arrays), modes, nodes, nodes, triangles,
                          1, 0, 0, 0, 0, 0, height_m, 0, 0, 0)
     assert len(header) == BASIS_HEADER_BYTES
-    state = struct.pack("<IQIIHBB", sequence, schema_hash, tick, 0, 1000, 0, 0)
+    state = struct.pack("<IQIIHHBB", sequence, schema_hash, tick, 0, 1000, 0xFFFF, 0, 0)
     # No contact, no steps, and no array: at rest.
     return Model(b"", state + bytes(60 + 16 + 4)).with_basis(header + arrays)
 
