@@ -117,7 +117,7 @@ def parse_tips(payload: bytes) -> tuple[int, int, np.ndarray]:
 # Offsets in a basis and in a state (docs/protocol.md).
 BASIS_BYTES_AT, MODES_AT, SURFACE_AT, ORIGIN_AT, RADIUS_AT, STIFFNESS_AT, DAMPING_AT = 8, 12, 20, 24, 36, 40, 44
 BASIS_HEADER_BYTES = 48
-SCHEMA_AT, TICK_AT, BASIS_ID_AT, KIND_AT, TIP_SOURCE_AT, CONTACT_AT, STEPS_AT = 4, 12, 16, 22, 23, 24, 84
+SCHEMA_AT, TICK_AT, BASIS_ID_AT, KIND_AT, TIP_SOURCE_AT, CONTACT_AT, STEPS_AT = 4, 12, 16, 24, 25, 26, 86
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _OF_THE_FRAME = ("patch", "patch_rescaled", "condensed")
 # A difference of two indices of the lattice is a spring's with at most so many entries other than 0 (body.neighbours).
 _AXES = {"axis": 1, "edge": 2, "full": 3}
 # Frames on the link: those of 0 modes and nodes, with their framing (docs/protocol.md; as measured, `updates/bytes`).
-_STATE_BYTES, _BASIS_HEADER_BYTES = 135, 48
+_STATE_BYTES, _BASIS_HEADER_BYTES = 137, 48
 _PIECE_BYTES, _PIECE_FRAMING_BYTES = 1024, 50
 _FRICTION_BYTES, _SPRING_KIND_BYTES = 4 * 8, 16 * 12  # as many kinds as there may be
 

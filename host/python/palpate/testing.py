@@ -242,7 +242,8 @@ def run_pytest(quick: bool, log: IO[str], files: Sequence[str] = ()) -> Count:
     processor; then, with the machine for themselves, the tests of loops that run in real time."""
     folders = list(files) or [folder for folder in ("host/python/tests", "hil_tests") if (ROOT / folder).is_dir()]
     rest = " and not slow" if quick else ""
-    side_by_side = ["-n", str(os.cpu_count() or 1), "--dist=loadfile"]
+    # A worker that crashes ends the run: with another in its place, pytest-xdist waits forever for the rest of its file.
+    side_by_side = ["-n", str(os.cpu_count() or 1), "--dist=loadfile", "--max-worker-restart=0"]
     count = Count()
     for name, chosen, options in (
         ("pytest", "not real_time", side_by_side),

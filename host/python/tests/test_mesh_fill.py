@@ -1,6 +1,8 @@
 """Surfaces are filled with sound tetrahedra that keep their shape."""
 
 import builtins
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,25 @@ CELL_M = 0.01
 CUT_SHORT = 0.05
 # Worse than any fill measured (docs/decisions/mesh_fill.md: 15 to 26 degrees).
 SOUND_DEG = 12.0
+
+
+def test_a_write_to_a_process_that_has_ended_is_an_error_as_before() -> None:
+    """gmsh would have it end this one. In a process of its own: there the test's failure is the death of pytest's."""
+    program = (
+        "import os\n"
+        "from palpate.mesh.fill import fill\n"
+        "from palpate.mesh.shapes import sphere\n"
+        "ball = sphere(0.03, 1)\n"
+        "fill(ball.point_m, ball.triangles, 0.02)\n"
+        "out, into = os.pipe()\n"
+        "os.close(out)\n"
+        "try:\n"
+        "    os.write(into, b'x')\n"
+        "except BrokenPipeError:\n"
+        "    print('told')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "told\n"), done.stderr
 
 
 def test_a_ball_is_filled_anew() -> None:

@@ -1,5 +1,7 @@
 """Fills a closed surface with tetrahedra, by the library gmsh (docs/decisions/mesh_fill.md)."""
 
+import ctypes
+import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -49,8 +51,22 @@ def _translated(what: str) -> Iterator[None]:
 
 
 @contextmanager
+def _sigpipe_kept() -> Iterator[None]:
+    """gmsh gives SIGPIPE back its default, by which a write to a process that has ended (the recorder's, a board's) ends this one.
+    Python's own signal.signal() is for the main thread alone."""
+    set_handler = ctypes.CDLL(None).signal
+    set_handler.argtypes, set_handler.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
+    before = set_handler(signal.SIGPIPE, int(signal.SIG_IGN))
+    try:
+        yield
+    finally:
+        set_handler(signal.SIGPIPE, before)
+
+
+@contextmanager
 def _session(gmsh: Any) -> Iterator[None]:
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    with _sigpipe_kept():
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         for name, value in (
             ("General.Terminal", 0),
