@@ -11,7 +11,7 @@ import pytest
 from mesh_files import BOX, CUBE_POINTS, SIDE_M
 
 from palpate.mesh.checks import volume_findings
-from palpate.mesh.fill import fill
+from palpate.mesh.fill import MAX_TETRAHEDRA, fill
 from palpate.mesh.geometry import boundary, dihedral_angles_deg, enclosed_volume, volumes
 from palpate.mesh.read import MeshError
 from palpate.mesh.shapes import sphere
@@ -113,3 +113,13 @@ def test_the_examples_meshes_are_those_of_the_code(tmp_path: Path) -> None:
     np.testing.assert_allclose(made.point, kept.point, atol=1e-9)
     np.testing.assert_array_equal(made.tetrahedra.nodes, kept.tetrahedra.nodes)
     np.testing.assert_array_equal(made.tetrahedra.region, kept.tetrahedra.region)
+
+
+def test_a_cell_that_makes_too_many_is_refused_before_any_is_made() -> None:
+    ball = sphere(RADIUS_M, 2)
+    regular_m3 = 1.0 / (6.0 * np.sqrt(2.0))
+    least_m = (abs(enclosed_volume(ball.point_m, ball.triangles)) / (MAX_TETRAHEDRA * regular_m3)) ** (1.0 / 3.0)
+    with pytest.raises(MeshError, match=rf"makes more than {MAX_TETRAHEDRA:,} tetrahedra of .* cm³: must be at least {least_m:.2g} m"):
+        fill(ball.point_m, ball.triangles, 0.99 * least_m)
+    with pytest.raises(MeshError, match="must be at least"):
+        fill(ball.point_m, ball.triangles, 1e-9)

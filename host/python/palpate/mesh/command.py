@@ -13,7 +13,7 @@ from palpate.body import Body
 from palpate.mesh.checks import Finding, volume_findings
 from palpate.mesh.fill import fill
 from palpate.mesh.geometry import boundary, dihedral_angles_deg, enclosed_volume, volumes
-from palpate.mesh.load import examine
+from palpate.mesh.load import examine, mesh_file
 from palpate.mesh.network import Network, modulus_bounds
 from palpate.mesh.read import Mesh, MeshError, read_mesh
 from palpate.scene import Scene, SceneError, load_scene, make_scene
@@ -77,7 +77,7 @@ def examine_scene(file: Path, overrides: dict[str, Any]) -> Report:
     mesh = body.mesh
     if mesh is None:
         raise SceneError(f"{file}: body.mesh: missing; must be a table [body.mesh] with at least file")
-    return _examined(file, read_mesh(file.parent / mesh.file), mesh, body.origin_m, lambda point_m: scene)
+    return _examined(file, read_mesh(mesh_file(file.parent, mesh)), mesh, body.origin_m, lambda point_m: scene)
 
 
 def _examined(

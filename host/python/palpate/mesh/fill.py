@@ -4,11 +4,13 @@ import ctypes
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.mesh.geometry import enclosed_volume
 from palpate.mesh.read import MeshError
 
 Floats = NDArray[np.float64]
@@ -17,6 +19,8 @@ Ints = NDArray[np.int64]
 # Edges where triangles meet at more than this stay edges when the surface is meshed anew.
 _CREASE_DEG = 40.0
 _SEED = 1
+MAX_TETRAHEDRA = 2_000_000
+_KEPT = 2  # fills in memory
 _TRIANGLE, _TETRAHEDRON = 2, 4  # gmsh's numbers of element types
 _DELAUNAY = 1
 
@@ -25,11 +29,33 @@ def fill(point_m: Floats, triangles: Ints, cell_m: float | None) -> tuple[Floats
     """Nodes (n, 3) and tetrahedra (t, 4) within a closed surface that is counter-clockwise seen from outside.
 
     cell_m: length of edges; the surface is meshed anew with it. None: the surface's own triangles stay. The same bits for the
-    same version of gmsh. Raises MeshError where gmsh cannot, or is not there.
+    same version of gmsh; read-only, for the latest are kept. Raises MeshError where gmsh cannot, is not there, or would make more
+    than about MAX_TETRAHEDRA of regular shape.
     """
+    if cell_m is not None:
+        volume_m3 = abs(enclosed_volume(point_m, triangles))
+        if volume_m3 > MAX_TETRAHEDRA * _regular_m3(cell_m):
+            least_m = (volume_m3 / (MAX_TETRAHEDRA * _regular_m3(1.0))) ** (1.0 / 3.0)
+            raise MeshError(
+                f"{cell_m:g} m: makes more than {MAX_TETRAHEDRA:,} tetrahedra of {1e6 * volume_m3:.4g} cm³: must be at least {least_m:.2g} m",
+                "cell_m",
+            )
+    return _kept_fill(point_m.tobytes(), triangles.astype(np.int64).tobytes(), cell_m)
+
+
+def _regular_m3(edge_m: float) -> float:
+    """Volume of a regular tetrahedron."""
+    return float(edge_m**3 / (6.0 * np.sqrt(2.0)))
+
+
+@lru_cache(maxsize=_KEPT)
+def _kept_fill(point_m: bytes, triangles: bytes, cell_m: float | None) -> tuple[Floats, Ints]:
     gmsh = _load()
     with _session(gmsh), _translated("fill the surface"):
-        return _filled(gmsh, point_m, triangles, cell_m)
+        filled = _filled(gmsh, np.frombuffer(point_m).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3), cell_m)
+    for values in filled:
+        values.flags.writeable = False
+    return filled
 
 
 def _load() -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mesh.checks import Finding, outwards, size_findings, surface_findings, upright, volume_findings
-from palpate.mesh.fill import fill
+from palpate.mesh.fill import MAX_TETRAHEDRA, fill
 from palpate.mesh.network import Material, Network, make_network
 from palpate.mesh.read import Mesh, MeshError, read_mesh
 
@@ -23,7 +23,6 @@ Ints = NDArray[np.int64]
 
 # A surface triangle has a number of 16 bits on the link.
 MAX_TRIANGLES = 65_535
-MAX_TETRAHEDRA = 2_000_000
 _KEPT = 4  # networks in memory
 
 
