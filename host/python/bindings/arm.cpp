@@ -22,6 +22,7 @@ device::Pose pose_of(const std::array<float, 3>& joint_rad) {
 
 std::vector<double> joints(float (*get)(const device::Joint&)) {
   std::vector<double> values;
+  values.reserve(device::kPremium15.joint.size());
   for (const device::Joint& joint : device::kPremium15.joint)
     values.push_back(static_cast<double>(get(joint)));
   return values;
