@@ -1,6 +1,7 @@
 """Surfaces are filled with sound tetrahedra that keep their shape."""
 
 import builtins
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -115,11 +116,14 @@ def test_the_examples_meshes_are_those_of_the_code(tmp_path: Path) -> None:
     np.testing.assert_array_equal(made.tetrahedra.region, kept.tetrahedra.region)
 
 
-def test_a_cell_that_makes_too_many_is_refused_before_any_is_made() -> None:
-    ball = sphere(RADIUS_M, 2)
+@pytest.mark.parametrize("scale", [1.0, 1.03, 1.06, 1.09])
+def test_a_cell_that_makes_too_many_is_refused_before_any_is_made_and_the_least_that_is_named_is_enough(scale: float) -> None:
+    ball = sphere(scale * RADIUS_M, 2)
     regular_m3 = 1.0 / (6.0 * np.sqrt(2.0))
     least_m = (abs(enclosed_volume(ball.point_m, ball.triangles)) / (MAX_TETRAHEDRA * regular_m3)) ** (1.0 / 3.0)
-    with pytest.raises(MeshError, match=rf"makes more than {MAX_TETRAHEDRA:,} tetrahedra of .* cm³: must be at least {least_m:.2g} m"):
-        fill(ball.point_m, ball.triangles, 0.99 * least_m)
-    with pytest.raises(MeshError, match="must be at least"):
-        fill(ball.point_m, ball.triangles, 1e-9)
+    for cell_m in (0.99 * least_m, 1e-9):
+        with pytest.raises(MeshError, match=rf"makes more than {MAX_TETRAHEDRA:,} tetrahedra of .* cm³: must be at least") as refusal:
+            fill(ball.point_m, ball.triangles, cell_m)
+        named = re.search(r"at least (\S+) m", str(refusal.value))
+        assert named is not None
+        assert least_m <= float(named[1]) < 1.11 * least_m

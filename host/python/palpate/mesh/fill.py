@@ -35,9 +35,9 @@ def fill(point_m: Floats, triangles: Ints, cell_m: float | None) -> tuple[Floats
     if cell_m is not None:
         volume_m3 = abs(enclosed_volume(point_m, triangles))
         if volume_m3 > MAX_TETRAHEDRA * _regular_m3(cell_m):
-            least_m = (volume_m3 / (MAX_TETRAHEDRA * _regular_m3(1.0))) ** (1.0 / 3.0)
+            least_m = _rounded_up((volume_m3 / (MAX_TETRAHEDRA * _regular_m3(1.0))) ** (1.0 / 3.0))
             raise MeshError(
-                f"{cell_m:g} m: makes more than {MAX_TETRAHEDRA:,} tetrahedra of {1e6 * volume_m3:.4g} cm³: must be at least {least_m:.2g} m",
+                f"{cell_m:g} m: makes more than {MAX_TETRAHEDRA:,} tetrahedra of {1e6 * volume_m3:.4g} cm³: must be at least {least_m:g} m",
                 "cell_m",
             )
     return _kept_fill(point_m.tobytes(), triangles.astype(np.int64).tobytes(), cell_m)
@@ -46,6 +46,12 @@ def fill(point_m: Floats, triangles: Ints, cell_m: float | None) -> tuple[Floats
 def _regular_m3(edge_m: float) -> float:
     """Volume of a regular tetrahedron."""
     return float(edge_m**3 / (6.0 * np.sqrt(2.0)))
+
+
+def _rounded_up(value: float) -> float:
+    """The next number of two digits that is not less: a bound that is named is one that is allowed."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return float(np.ceil(value / unit) * unit)
 
 
 @lru_cache(maxsize=_KEPT)
